@@ -1,0 +1,165 @@
+"""What one impact leaves behind: named arrays, one row per sample, SI units."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from helmet_sim_ros.errors import PulseError
+
+FloatArray = NDArray[np.float64]
+
+#: Channels every record carries: name -> (component labels, unit).
+CHANNELS: Mapping[str, tuple[tuple[str, ...], str]] = {
+    "head_acceleration": (("x", "y", "z"), "m/s^2"),
+    "head_angular_acceleration": (("x", "y", "z"), "rad/s^2"),
+    "head_velocity": (("x", "y", "z"), "m/s"),
+    "head_angular_velocity": (("x", "y", "z"), "rad/s"),
+    "head_position": (("x", "y", "z"), "m"),
+    "head_orientation": (("x", "y", "z", "w"), "-"),
+    "helmet_position": (("x", "y", "z"), "m"),
+    "helmet_orientation": (("x", "y", "z", "w"), "-"),
+    "ground_force": (("x", "y", "z"), "N"),
+    "ground_torque": (("x", "y", "z"), "N m"),
+    "coupling_force": (("x", "y", "z"), "N"),
+    "coupling_torque": (("x", "y", "z"), "N m"),
+    "coupling_displacement": (("x", "y", "z"), "m"),
+    "neck_force": (("x", "y", "z"), "N"),
+    "neck_torque": (("x", "y", "z"), "N m"),
+}
+
+
+@dataclass(frozen=True)
+class ImpactRecord:
+    """All samples of one impact. Row ``i`` of every array belongs to ``time[i]``.
+
+    Axes: *world* has z up and the ground at z = 0; *head* has its origin at the head's centre of
+    gravity, x forward, y left, z up.
+
+    Attributes:
+        time: shape (n,) [s], uniform, 0 at the first touch of the ground.
+        head_acceleration: inertial acceleration of the head's centre of gravity, world axes,
+            shape (n, 3) [m/s^2]. At rest it is 0, in free fall -g.
+        head_angular_acceleration: world axes, (n, 3) [rad/s^2].
+        head_velocity: of the head's centre of gravity, world axes, (n, 3) [m/s].
+        head_angular_velocity: world axes, (n, 3) [rad/s].
+        head_position: of the head's centre of gravity, world axes, (n, 3) [m].
+        head_orientation: head to world, unit quaternion x, y, z, w, (n, 4).
+        helmet_position: origin of the helmet frame (it coincides with ``head`` while the coupling
+            is not compressed), world axes, (n, 3) [m].
+        helmet_orientation: helmet to world, unit quaternion x, y, z, w, (n, 4).
+        ground_force: force of the ground ON the helmet, world axes, (n, 3) [N].
+        ground_torque: its moment about the world origin, world axes, (n, 3) [N m].
+        coupling_force: force of the helmet ON the head, head axes, (n, 3) [N].
+        coupling_torque: its moment about the helmet frame's origin, head axes, (n, 3) [N m].
+        coupling_displacement: helmet against head, head axes, (n, 3) [m]: a blow on the front
+            moves the helmet backwards, x < 0. For a foam liner, the crush in the same sense.
+        neck_force: force of the torso (neck) ON the head, head axes, (n, 3) [N]; 0 for a headform.
+        neck_torque: its moment about the head-neck joint, head axes, (n, 3) [N m].
+        joint_names: the m joints of the body below the head.
+        joint_positions: (n, m) [rad, or m for a sliding joint].
+        joint_velocities: (n, m) [rad/s or m/s].
+        setup: the complete impact setup as plain data (JSON types).
+        extras: further named results of plain data or arrays (notes, residual crush map...).
+    """
+
+    time: FloatArray
+    head_acceleration: FloatArray
+    head_angular_acceleration: FloatArray
+    head_velocity: FloatArray
+    head_angular_velocity: FloatArray
+    head_position: FloatArray
+    head_orientation: FloatArray
+    helmet_position: FloatArray
+    helmet_orientation: FloatArray
+    ground_force: FloatArray
+    ground_torque: FloatArray
+    coupling_force: FloatArray
+    coupling_torque: FloatArray
+    coupling_displacement: FloatArray
+    neck_force: FloatArray
+    neck_torque: FloatArray
+    joint_names: tuple[str, ...] = ()
+    joint_positions: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
+    joint_velocities: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
+    setup: Mapping[str, Any] = field(default_factory=dict)
+    extras: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        n = len(self.time)
+        for name in CHANNELS:
+            expected = (n, len(CHANNELS[name][0]))
+            if np.shape(getattr(self, name)) != expected:
+                raise PulseError(
+                    f"{name}: shape {np.shape(getattr(self, name))}, expected {expected}"
+                )
+
+    @property
+    def time_step(self) -> float:
+        """Sampling interval [s]."""
+        return float(self.time[1] - self.time[0])
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+
+def block_labels(joint_names: tuple[str, ...]) -> list[str]:
+    """Column names of :func:`to_block`: ``time``, ``head_acceleration.x``, ...,
+    ``joint_position.NAME``, ``joint_velocity.NAME``."""
+    labels = ["time"]
+    for name, (components, _) in CHANNELS.items():
+        labels += [f"{name}.{component}" for component in components]
+    labels += [f"joint_position.{joint}" for joint in joint_names]
+    labels += [f"joint_velocity.{joint}" for joint in joint_names]
+    return labels
+
+
+def to_block(record: ImpactRecord) -> FloatArray:
+    """All samples as one array, shape (n, len(block_labels)), exact."""
+    columns = [record.time[:, None]]
+    columns += [getattr(record, name) for name in CHANNELS]
+    columns += [record.joint_positions, record.joint_velocities]
+    return np.hstack(columns)
+
+
+def from_block(
+    labels: list[str],
+    block: FloatArray,
+    setup: Mapping[str, Any] | None = None,
+    extras: Mapping[str, Any] | None = None,
+) -> ImpactRecord:
+    """The inverse of :func:`to_block`.
+
+    Raises:
+        PulseError: a channel of the record has no column, or the shapes disagree.
+    """
+    if block.ndim != 2 or block.shape[1] != len(labels):
+        raise PulseError(f"samples: shape {block.shape}, expected (n, {len(labels)})")
+    column = {label: i for i, label in enumerate(labels)}
+    arrays: dict[str, FloatArray] = {}
+    try:
+        arrays["time"] = block[:, column["time"]]
+        for name, (components, _) in CHANNELS.items():
+            arrays[name] = block[:, [column[f"{name}.{c}"] for c in components]]
+    except KeyError as missing:
+        raise PulseError(f"samples: no column {missing}") from None
+    prefix = "joint_position."
+    joints = tuple(label[len(prefix) :] for label in labels if label.startswith(prefix))
+    return ImpactRecord(
+        **arrays,
+        joint_names=joints,
+        joint_positions=block[:, [column[f"joint_position.{j}"] for j in joints]],
+        joint_velocities=block[:, [column[f"joint_velocity.{j}"] for j in joints]],
+        setup=dict(setup or {}),
+        extras=dict(extras or {}),
+    )
+
+
+def same_samples(a: ImpactRecord, b: ImpactRecord) -> bool:
+    """Whether two records hold bit for bit the same samples."""
+    arrays = [f.name for f in fields(ImpactRecord) if f.name not in ("setup", "extras")]
+    return all(np.array_equal(getattr(a, name), getattr(b, name)) for name in arrays)

@@ -1,0 +1,120 @@
+"""Helmet configuration: shell, coupling spring, foam liner; read from ``config/helmets``."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+from typing import Literal
+
+import yaml
+from pydantic import Field, model_validator
+
+from helmet_sim_ros.errors import SetupError
+from helmet_sim_ros.resources import find_config
+from helmet_sim_ros.schema import Config, quantity
+
+Vector = tuple[float, float, float]
+
+
+class Shell(Config):
+    """The outer shell: an ellipsoid, rigid where it is not the foam that deforms."""
+
+    semi_axes: Vector = quantity("ellipsoid semi-axes x, y, z of the outer surface", "m")
+    center: Vector = quantity("ellipsoid centre in the head frame", "m", (0.0, 0.0, 0.0))
+    effective_mass: float = quantity(
+        "part of the helmet mass that stops with the struck shell; the rest moves with the head",
+        "kg", gt=0.0, le=3.0,
+    )  # fmt: skip
+    contact_time_constant: float = quantity(
+        "time constant of the shell-ground contact, independent of the time step",
+        "s", 1e-3, ge=1e-4, le=2e-2,
+    )  # fmt: skip
+
+    @model_validator(mode="after")
+    def _plausible(self) -> Shell:
+        for value in self.semi_axes:
+            if not 0.05 <= value <= 0.3:
+                raise SetupError.of("semi_axes", self.semi_axes, "each must be from 0.05 to 0.3 m")
+        for value in self.center:
+            if not -0.05 <= value <= 0.05:
+                raise SetupError.of("center", self.center, "each must be from -0.05 to 0.05 m")
+        return self
+
+
+class SpringLaw(Config):
+    """Loading path F = A (exp(B d) - 1) of one direction (paper, section 2.2)."""
+
+    A: float = quantity("force scale of the loading path", "N", gt=0.0, le=1e9)
+    B: float = quantity("exponent of the loading path", "1/m", gt=0.0, le=500.0)
+
+
+class Spring(Config):
+    """The coupling spring between head and shell, one law per side of the head."""
+
+    front: SpringLaw
+    back: SpringLaw
+    side: SpringLaw
+    top: SpringLaw
+    strap: SpringLaw = Field(
+        description="helmet pulled off the head upwards: chin strap and cheek pads"
+    )
+    energy_loss: float = quantity(
+        "share of the loading energy that unloading does not give back", "-", ge=0.0, le=0.98
+    )
+
+
+class Liner(Config):
+    """Crushable EPS liner of the foam helmet."""
+
+    density: float = quantity("foam density", "kg/m^3", 40.0, ge=15.0, le=120.0)
+    thickness: float = quantity("liner thickness", "m", 0.040, ge=0.01, le=0.08)
+
+
+class Helmet(Config):
+    """A complete helmet. ``coupling`` selects the spring or the foam liner."""
+
+    description: str = Field("", description="what it represents and where its numbers come from")
+    mass: float = quantity("total mass", "kg", gt=0.0, le=4.0)
+    inertia: Vector = quantity(
+        "moments of inertia of the whole helmet about its centre, head axes", "kg m^2"
+    )
+    shell: Shell
+    coupling: Literal["spring", "foam"] = Field(
+        "spring", description="what joins head and shell: coupling spring or foam liner"
+    )
+    spring: Spring
+    liner: Liner = Field(default_factory=Liner)
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Helmet:
+        if self.shell.effective_mass > self.mass:
+            raise SetupError.of(
+                "shell.effective_mass", self.shell.effective_mass,
+                f"must not exceed the helmet's mass, {self.mass:g} kg",
+            )  # fmt: skip
+        i = sorted(self.inertia)
+        if i[0] <= 0.0 or i[2] > 1.0 or i[0] + i[1] < i[2]:
+            raise SetupError.of(
+                "inertia", self.inertia,
+                "each must be above 0 and at most 1 kg m^2, none above the sum of the others",
+            )  # fmt: skip
+        return self
+
+
+@lru_cache(maxsize=64)
+def _load(path: Path, _mtime_ns: int) -> Helmet:
+    try:
+        data = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise SetupError.of("helmet", str(path), f"cannot be read: {error}") from error
+    return Helmet.from_mapping(data, str(path))  # type: ignore[no-any-return]
+
+
+def load_helmet(name_or_path: str) -> Helmet:
+    """The helmet of ``config/helmets/NAME.yaml``, or of any YAML file by path.
+
+    Raises:
+        SetupError: unknown name, unreadable file, or a refused value in it.
+    """
+    path = find_config("helmets", name_or_path, "helmet")
+    return _load(path, path.stat().st_mtime_ns)

@@ -1,0 +1,227 @@
+"""The impact setup: everything that defines one simulated impact."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Any, Literal
+
+from pydantic import Field, model_validator
+
+from helmet_sim_ros.errors import Problem, SetupError
+from helmet_sim_ros.model.helmet import Helmet, load_helmet
+from helmet_sim_ros.schema import Config, leaf_values, leaves, quantity
+
+Rig = Literal["rider", "headform"]
+Direction = Literal["front", "back", "left", "right", "top"]
+
+#: Flexion of the neck that the rider reaches [deg] (facts: flexion 50 to 60 deg).
+MAX_NECK_FLEXION_DEG = 60.0
+
+
+class Neck(Config):
+    """Passive neck. General literature values (10-30 N m/rad in bending, 3-10 in torsion,
+    0.5-2 N m s/rad damping), not measured for this model."""
+
+    axial_stiffness: float = quantity("axial stiffness", "N/m", 150e3, ge=1e3, le=5e6)
+    axial_damping: float = quantity("axial damping", "N s/m", 300.0, ge=0.0, le=1e4)
+    bending_stiffness: float = quantity(
+        "flexion-extension and lateral stiffness of head against torso",
+        "N m/rad", 20.0, ge=0.0, le=500.0,
+    )  # fmt: skip
+    torsion_stiffness: float = quantity("axial rotation stiffness", "N m/rad", 6.0, ge=0.0, le=200.0)
+    damping: float = quantity("rotational damping", "N m s/rad", 1.0, ge=0.0, le=50.0)
+
+
+class Posture(Config):
+    """Joint angles of the limbs at the first touch; 0 is standing upright, arms down."""
+
+    shoulder_flexion_deg: float = quantity("arms raised forwards", "deg", 45.0, ge=-45.0, le=170.0)
+    elbow_flexion_deg: float = quantity("elbows bent", "deg", 30.0, ge=0.0, le=140.0)
+    hip_flexion_deg: float = quantity("thighs raised forwards", "deg", 30.0, ge=-15.0, le=115.0)
+    knee_flexion_deg: float = quantity("knees bent", "deg", 45.0, ge=0.0, le=140.0)
+
+
+class Rider(Config):
+    """The rider: de Leva's male body, scaled by height and mass."""
+
+    height: float = quantity("standing height", "m", 1.75, ge=1.2, le=2.2)
+    mass: float = quantity("body mass", "kg", 77.0, ge=30.0, le=180.0)
+    head_mass: float | None = quantity(
+        "mass of the head without neck; unset: 4.5/77 of the body mass",
+        "kg", None, ge=2.5, le=7.0,
+    )  # fmt: skip
+    neck: Neck = Field(default_factory=Neck)
+    posture: Posture = Field(default_factory=Posture)
+
+
+class ImpactSetup(Config):
+    """One impact, complete. A headform rig uses the head of ``rider`` and ignores its body.
+
+    Raises:
+        SetupError: any refused value, named with its key and the allowed range.
+    """
+
+    rig: Rig = Field("rider", description="whole rider, or head and helmet alone")
+    direction: Direction = Field(
+        "left", description="part of the helmet that strikes the ground (side = left)"
+    )
+    normal_velocity: float = quantity(
+        "speed into the ground at first touch", "m/s", 5.0, gt=0.0, le=30.0
+    )
+    tangential_velocity: float = quantity(
+        "speed along the ground at first touch", "m/s", 0.0, ge=0.0, le=60.0
+    )
+    tangential_heading_deg: float = quantity(
+        "heading of the tangential speed in the ground plane, from the body axis (feet to head), "
+        "counter-clockwise seen from above",
+        "deg", 90.0, ge=-360.0, le=360.0,
+    )  # fmt: skip
+    body_angle_deg: float = quantity(
+        "angle between body axis and ground, head down", "deg", 30.0, ge=0.0, le=90.0
+    )
+    neck_flexion_deg: float | None = quantity(
+        "head bent towards the chest at first touch; unset: 0, and for direction top what turns "
+        "the crown to the ground, at most 60",
+        "deg", None, ge=-60.0, le=MAX_NECK_FLEXION_DEG,
+    )  # fmt: skip
+    friction: float = quantity("friction of shell on ground", "-", 0.4, ge=0.0, le=2.0)
+    gravity: float = quantity("gravity, downwards", "m/s^2", 9.80665, ge=0.0, le=30.0)
+    helmet: str = Field("fullface", description="name in config/helmets, or path to a YAML file")
+    rider: Rider = Field(default_factory=Rider)
+    duration: float = quantity("simulated time from the first touch", "s", 0.04, ge=1e-3, le=2.0)
+    time_step: float = quantity("integration and sampling step", "s", 5e-5, ge=1e-6, le=1e-3)
+    overrides: dict[str, Any] = Field(
+        default_factory=dict, description="dotted names of rider, helmet, impact or sim values"
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _normalise(cls, data: Any) -> Any:
+        if not isinstance(data, Mapping):
+            return data
+        data = dict(data)
+        if data.get("direction") == "side":
+            data["direction"] = "left"
+        overrides = data.get("overrides", {})
+        if isinstance(overrides, Mapping):
+            data = _apply_overrides(data, overrides)
+        return data
+
+    @model_validator(mode="after")
+    def _resolvable(self) -> ImpactSetup:
+        if self.duration < 10 * self.time_step:
+            raise SetupError.of("duration", self.duration, "must be at least 10 time steps")
+        _ = self.helmet_config  # refuse a bad helmet now, not when it runs
+        return self
+
+    @cached_property
+    def helmet_config(self) -> Helmet:
+        """The helmet with its overrides applied."""
+        prefix = "helmet."
+        changes = {k[len(prefix) :]: v for k, v in self.overrides.items() if k.startswith(prefix)}
+        try:
+            return load_helmet(self.helmet).replaced(changes)  # type: ignore[no-any-return]
+        except SetupError as error:
+            if error.source:  # the helmet file itself is bad
+                raise
+            raise SetupError(
+                [Problem(_prefixed(prefix, p.key), p.value, p.allowed) for p in error.problems]
+            ) from None
+
+    @property
+    def samples(self) -> int:
+        """Number of samples of the record."""
+        return round(self.duration / self.time_step) + 1
+
+    @property
+    def resolved_neck_flexion_deg(self) -> float:
+        """The neck flexion that is used [deg]."""
+        if self.neck_flexion_deg is not None:
+            return self.neck_flexion_deg
+        if self.direction == "top":
+            return min(90.0 - self.body_angle_deg, MAX_NECK_FLEXION_DEG)
+        return 0.0
+
+    def described(self) -> dict[str, Any]:
+        """Every value by its dotted name, as plain JSON data, for logs and provenance."""
+        values = {name: getattr(self, field) for name, field in _SETUP_KEYS.items()}
+        values["impact.neck_flexion_deg"] = self.resolved_neck_flexion_deg
+        values |= {f"rider.{k}": v for k, v in leaf_values(self.rider).items()}
+        values["helmet.name"] = self.helmet
+        values |= {f"helmet.{k}": v for k, v in leaf_values(self.helmet_config).items()}
+        return {k: list(v) if isinstance(v, tuple) else v for k, v in values.items()}
+
+
+def _setup_keys() -> dict[str, str]:
+    """Dotted name -> field of ImpactSetup, for the values it holds itself."""
+    names = {}
+    for leaf in leaves(ImpactSetup):
+        if "." in leaf.name or leaf.name == "helmet":
+            continue
+        group = "sim" if leaf.name in ("duration", "time_step") else "impact"
+        names[f"{group}.{leaf.name}"] = leaf.name
+    return names
+
+
+def _apply_overrides(data: dict[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:
+    """Fold ``rider.*``, ``impact.*`` and ``sim.*`` into the fields; ``helmet.*`` stays."""
+    kept: dict[str, Any] = {}
+    rider_changes: dict[str, Any] = {}
+    for key, value in overrides.items():
+        group, _, name = str(key).partition(".")
+        if key == "helmet.name":
+            data["helmet"] = value
+        elif group == "helmet" and name:
+            kept[key] = tuple(value) if isinstance(value, list) else value
+        elif group == "rider" and name:
+            rider_changes[name] = value
+        elif key in _SETUP_KEYS:
+            data[_SETUP_KEYS[key]] = value
+        else:
+            raise SetupError.of(
+                f"overrides.{key}", value,
+                "unknown name; use helmet.*, rider.* or one of " + ", ".join(_SETUP_KEYS),
+            )  # fmt: skip
+    if rider_changes:
+        rider = data.get("rider", Rider())
+        rider = rider if isinstance(rider, Rider) else Rider.from_mapping(rider)
+        try:
+            data["rider"] = rider.replaced(rider_changes)
+        except SetupError as error:
+            raise SetupError(
+                [Problem(f"rider.{p.key}", p.value, p.allowed) for p in error.problems]
+            ) from None
+    return data | {"overrides": kept}
+
+
+def _prefixed(prefix: str, key: str) -> str:
+    return key if key.startswith(prefix) or key == "helmet" else prefix + key
+
+
+_SETUP_KEYS = _setup_keys()
+
+
+def setup_from_names(values: Mapping[str, Any]) -> ImpactSetup:
+    """An impact setup from dotted names: ``impact.*``, ``rider.*``, ``helmet.*``, ``sim.*``.
+
+    ``helmet.name`` selects the helmet, every other ``helmet.*`` changes a value in it.
+    The one way from scenario files, ROS parameters, sweeps and the command line to a setup.
+
+    Raises:
+        SetupError: unknown name, or a refused value.
+    """
+    return ImpactSetup(overrides=dict(values))
+
+
+def setup_leaves() -> list[Any]:
+    """Every ``impact.*``, ``sim.*`` and ``rider.*`` value as a :class:`Leaf` with its dotted name."""
+    from dataclasses import replace
+
+    field_to_name = {field: name for name, field in _SETUP_KEYS.items()}
+    own = [
+        replace(leaf, name=field_to_name[leaf.name])
+        for leaf in leaves(ImpactSetup)
+        if leaf.name in field_to_name
+    ]
+    return own + leaves(Rider, "rider.")
