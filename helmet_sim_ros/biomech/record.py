@@ -28,6 +28,7 @@ CHANNELS: Mapping[str, tuple[tuple[str, ...], str]] = {
     "coupling_force": (("x", "y", "z"), "N"),
     "coupling_torque": (("x", "y", "z"), "N m"),
     "coupling_displacement": (("x", "y", "z"), "m"),
+    "body_ground_force": (("x", "y", "z"), "N"),
     "neck_force": (("x", "y", "z"), "N"),
     "neck_torque": (("x", "y", "z"), "N m"),
 }
@@ -58,6 +59,8 @@ class ImpactRecord:
         coupling_torque: its moment about the helmet frame's origin, head axes, (n, 3) [N m].
         coupling_displacement: helmet against head, head axes, (n, 3) [m]: a blow on the front
             moves the helmet backwards, x < 0. For a foam liner, the crush in the same sense.
+        body_ground_force: sum of the ground's forces on the body without head and helmet, world
+            axes, (n, 3) [N].
         neck_force: force of the torso (neck) ON the head, head axes, (n, 3) [N]; 0 for a headform.
         neck_torque: its moment about the head-neck joint, head axes, (n, 3) [N m].
         joint_names: the m joints of the body below the head.
@@ -81,6 +84,7 @@ class ImpactRecord:
     coupling_force: FloatArray
     coupling_torque: FloatArray
     coupling_displacement: FloatArray
+    body_ground_force: FloatArray
     neck_force: FloatArray
     neck_torque: FloatArray
     joint_names: tuple[str, ...] = ()

@@ -36,10 +36,10 @@ class Neck(Config):
 class Posture(Config):
     """Joint angles of the limbs at the first touch; 0 is standing upright, arms down."""
 
-    shoulder_flexion_deg: float = quantity("arms raised forwards", "deg", 45.0, ge=-45.0, le=170.0)
-    elbow_flexion_deg: float = quantity("elbows bent", "deg", 30.0, ge=0.0, le=140.0)
-    hip_flexion_deg: float = quantity("thighs raised forwards", "deg", 30.0, ge=-15.0, le=115.0)
-    knee_flexion_deg: float = quantity("knees bent", "deg", 45.0, ge=0.0, le=140.0)
+    shoulder_flexion_deg: float = quantity("arms raised forwards", "deg", 0.0, ge=-45.0, le=170.0)
+    elbow_flexion_deg: float = quantity("elbows bent", "deg", 20.0, ge=0.0, le=140.0)
+    hip_flexion_deg: float = quantity("thighs raised forwards", "deg", 15.0, ge=-15.0, le=115.0)
+    knee_flexion_deg: float = quantity("knees bent", "deg", 20.0, ge=0.0, le=140.0)
 
 
 class Rider(Config):
@@ -211,7 +211,15 @@ def setup_from_names(values: Mapping[str, Any]) -> ImpactSetup:
     Raises:
         SetupError: unknown name, or a refused value.
     """
-    return ImpactSetup(overrides=dict(values))
+    try:
+        return ImpactSetup(overrides=dict(values))
+    except SetupError as error:
+        names = {field: name for name, field in _SETUP_KEYS.items()} | {"helmet": "helmet.name"}
+        problems = [
+            Problem(names.get(p.key, p.key.removeprefix("overrides.")), p.value, p.allowed)
+            for p in error.problems
+        ]
+        raise SetupError(problems, error.source) from None
 
 
 def setup_leaves() -> list[Any]:

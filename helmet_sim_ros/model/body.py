@@ -1,0 +1,211 @@
+"""The multibody rider below the head, as a tree that hangs on the head.
+
+The head is the root of the tree: its pose and acceleration are states of the model, and the
+headform rig is the same tree without a body. Every segment frame has its origin at the segment's
+upper end; all frames are parallel (x forward, y left, z up) when the rider stands upright.
+
+Joint ranges, stiffnesses and damping outside the neck are general literature values of passive
+human joints; they hold the posture during the few hundredths of a second of an impact and hardly
+act on the head's response.
+"""
+
+from __future__ import annotations
+
+import math
+
+import mujoco
+
+from helmet_sim_ros.model.anthropometry import Anthropometry, Segment
+from helmet_sim_ros.model.setup import Neck, Posture, Rider
+
+X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+FORWARD = (0.0, -1.0, 0.0)  # a positive angle swings what hangs below the joint forwards
+
+#: Body-ground contact: clothing and soft tissue, time constant 10 ms (general literature value).
+BODY_CONTACT = (0.010, 0.5)  # s, friction
+BODY_COLOR = (0.75, 0.62, 0.55, 1.0)
+NECK_AXIAL_RANGE = (-0.02, 0.02)  # m
+OCCIPITAL_SHARE = 0.5  # share of the neck's bending angle taken by the upper joint
+
+
+def critically_damped(time_constant: float) -> tuple[float, float]:
+    """MuJoCo's direct ``solref`` (-stiffness, -damping) of a critically damped contact.
+
+    Given directly it does not follow the time step: k = 1 / T^2 [1/s^2], b = 2 / T [1/s].
+    """
+    return -1.0 / time_constant**2, -2.0 / time_constant
+
+
+def add_body(
+    head: mujoco.MjsBody, rider: Rider, body: Anthropometry, neck_flexion: float
+) -> mujoco.MjsBody:
+    """Hang neck, trunk, arms and legs on the head.
+
+    Args:
+        head: root body, origin at the head's centre of gravity.
+        rider: neck properties and posture.
+        body: the rider's segments.
+        neck_flexion: head towards the chest at the start [rad].
+
+    Returns:
+        The uppermost body, ``neck``, through whose joint the torso acts on the head.
+    """
+    s = body.segments
+    neck = _segment(head, "neck", (0.0, 0.0, body.head_depth - body.head_joint_depth), s["neck"])
+    share = {"upper": OCCIPITAL_SHARE, "lower": 1.0 - OCCIPITAL_SHARE}
+    _neck_joints(neck, "neck_upper", rider.neck, share["upper"], neck_flexion)
+    neck.add_site(name="neck_load")
+
+    thorax = _segment(neck, "thorax", (0.0, 0.0, -s["neck"].length), s["upper_trunk"])
+    axial = _joint(
+        thorax, "neck_axial", Z, NECK_AXIAL_RANGE, rider.neck.axial_stiffness,
+        rider.neck.axial_damping,
+    )  # fmt: skip
+    axial.type = mujoco.mjtJoint.mjJNT_SLIDE
+    _neck_joints(thorax, "neck_lower", rider.neck, share["lower"], neck_flexion)
+    k, half = body.scale, 0.5 * s["upper_trunk"].length
+    _ellipsoid(thorax, (0.11 * k, 0.145 * k, half), -half)
+
+    abdomen = _segment(thorax, "abdomen", (0.0, 0.0, -s["upper_trunk"].length), s["middle_trunk"])
+    _trunk_joints(abdomen, "thoracic", 250.0, 12.0)
+    half = 0.5 * s["middle_trunk"].length
+    _ellipsoid(abdomen, (0.10 * k, 0.135 * k, 1.1 * half), -half)
+
+    pelvis = _segment(abdomen, "pelvis", (0.0, 0.0, -s["middle_trunk"].length), s["lower_trunk"])
+    _trunk_joints(pelvis, "lumbar", 200.0, 12.0)
+    half = 0.5 * s["lower_trunk"].length
+    _ellipsoid(pelvis, (0.105 * k, 0.165 * k, 1.3 * half), -half)
+
+    for side, sense in (("left", 1.0), ("right", -1.0)):
+        _arm(thorax, side, sense, body, rider.posture)
+        _leg(pelvis, side, sense, body, rider.posture)
+    return neck
+
+
+def _arm(
+    thorax: mujoco.MjsBody, side: str, sense: float, body: Anthropometry, posture: Posture
+) -> None:
+    s = body.segments
+    at = (0.0, sense * body.shoulder_half_width, -body.shoulder_depth)
+    upper = _segment(thorax, f"upper_arm_{side}", at, s["upper_arm"])
+    _joint(upper, f"shoulder_flexion_{side}", FORWARD, _rad(-60, 180), 10.0, 1.5,
+           math.radians(posture.shoulder_flexion_deg))  # fmt: skip
+    _joint(upper, f"shoulder_abduction_{side}", (sense, 0.0, 0.0), _rad(-40, 150), 10.0, 1.5)
+    _joint(upper, f"shoulder_rotation_{side}", (0.0, 0.0, sense), _rad(-90, 90), 5.0, 0.5)
+    _capsule(upper, 0.045 * body.scale, s["upper_arm"].length)
+    forearm = _segment(upper, f"forearm_{side}", (0, 0, -s["upper_arm"].length), s["forearm"])
+    _joint(forearm, f"elbow_flexion_{side}", FORWARD, _rad(0, 145), 5.0, 0.8,
+           math.radians(posture.elbow_flexion_deg))  # fmt: skip
+    _capsule(forearm, 0.037 * body.scale, s["forearm"].length)
+    hand = _segment(forearm, f"hand_{side}", (0, 0, -s["forearm"].length), s["hand"])
+    _joint(hand, f"wrist_flexion_{side}", FORWARD, _rad(-70, 70), 2.0, 0.2)
+    _capsule(hand, 0.030 * body.scale, s["hand"].length)
+
+
+def _leg(
+    pelvis: mujoco.MjsBody, side: str, sense: float, body: Anthropometry, posture: Posture
+) -> None:
+    s = body.segments
+    at = (0.0, sense * body.hip_half_width, -s["lower_trunk"].length)
+    thigh = _segment(pelvis, f"thigh_{side}", at, s["thigh"])
+    _joint(thigh, f"hip_flexion_{side}", FORWARD, _rad(-20, 120), 20.0, 3.0,
+           math.radians(posture.hip_flexion_deg))  # fmt: skip
+    _joint(thigh, f"hip_abduction_{side}", (sense, 0.0, 0.0), _rad(-30, 50), 20.0, 3.0)
+    _joint(thigh, f"hip_rotation_{side}", (0.0, 0.0, sense), _rad(-40, 40), 10.0, 1.0)
+    _capsule(thigh, 0.075 * body.scale, s["thigh"].length)
+    shank = _segment(thigh, f"shank_{side}", (0, 0, -s["thigh"].length), s["shank"])
+    _joint(shank, f"knee_flexion_{side}", Y, _rad(0, 145), 10.0, 1.5,
+           math.radians(posture.knee_flexion_deg))  # fmt: skip
+    _capsule(shank, 0.050 * body.scale, s["shank"].length)
+    foot = shank.add_body(name=f"foot_{side}", pos=[0.0, 0.0, -s["shank"].length])
+    # De Leva's foot runs from heel to toe; the ankle stands over its hind quarter.
+    segment, heel = s["foot"], -0.25 * s["foot"].length
+    drop = -0.5 * body.ankle_height
+    ixx, iyy, izz = segment.inertia[2], segment.inertia[1], segment.inertia[0]  # long axis is x
+    _inertial(foot, segment.mass, (heel + segment.center, 0.0, drop), (ixx, iyy, izz))
+    _joint(foot, f"ankle_flexion_{side}", FORWARD, _rad(-45, 30), 8.0, 1.0)
+    foot.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_CAPSULE, size=[0.8 * body.ankle_height, 0, 0],
+        fromto=[heel + 0.03, 0.0, drop, heel + segment.length - 0.03, 0.0, drop], **_skin(),
+    )  # fmt: skip
+
+
+def _neck_joints(
+    child: mujoco.MjsBody, name: str, neck: Neck, share: float, flexion: float
+) -> None:
+    """Two neck joints in series: each has its share of the angle, so the stiffness over it."""
+    bend, twist, damping = (
+        value / share for value in (neck.bending_stiffness, neck.torsion_stiffness, neck.damping)
+    )
+    # The torso hangs below: head towards the chest turns the torso forwards under the head.
+    _joint(child, f"{name}_flexion", FORWARD, _rad(-75 * share, 65 * share), bend, damping,
+           flexion * share)  # fmt: skip
+    _joint(child, f"{name}_lateral", X, _rad(-45 * share, 45 * share), bend, damping)
+    _joint(child, f"{name}_rotation", Z, _rad(-75 * share, 75 * share), twist, damping)
+
+
+def _trunk_joints(child: mujoco.MjsBody, name: str, stiffness: float, damping: float) -> None:
+    _joint(child, f"{name}_flexion", FORWARD, _rad(-25, 45), stiffness, damping)
+    _joint(child, f"{name}_lateral", X, _rad(-25, 25), stiffness, damping)
+    _joint(child, f"{name}_rotation", Z, _rad(-25, 25), stiffness, damping)
+
+
+def _segment(
+    parent: mujoco.MjsBody, name: str, at: tuple[float, float, float], segment: Segment
+) -> mujoco.MjsBody:
+    child = parent.add_body(name=name, pos=list(at))
+    _inertial(child, segment.mass, (0.0, 0.0, -segment.center), segment.inertia)
+    return child
+
+
+def _inertial(
+    body: mujoco.MjsBody,
+    mass: float,
+    center: tuple[float, float, float],
+    inertia: tuple[float, float, float],
+) -> None:
+    body.mass, body.ipos, body.inertia = mass, list(center), list(inertia)
+    body.explicitinertial = True
+
+
+def _joint(
+    child: mujoco.MjsBody,
+    name: str,
+    axis: tuple[float, float, float],
+    limits: tuple[float, float],
+    stiffness: float,
+    damping: float,
+    rest: float = 0.0,
+) -> mujoco.MjsJoint:
+    """A sprung, damped hinge, at rest in the posture of the first touch."""
+    joint = child.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=list(axis))
+    joint.range, joint.limited = list(limits), mujoco.mjtLimited.mjLIMITED_TRUE
+    joint.stiffness, joint.damping = [stiffness, 0.0, 0.0], [damping, 0.0, 0.0]
+    joint.springref = rest
+    joint.solref_limit = list(critically_damped(0.005))
+    return joint
+
+
+def _skin() -> dict[str, object]:
+    """Contact with the ground only (contype meets the ground's conaffinity)."""
+    time_constant, friction = BODY_CONTACT
+    return {
+        "contype": 1, "conaffinity": 0, "condim": 3, "rgba": list(BODY_COLOR),
+        "friction": [friction, 0.005, 0.0001], "mass": 0.0,
+        "solref": list(critically_damped(time_constant)),
+    }  # fmt: skip
+
+
+def _ellipsoid(body: mujoco.MjsBody, size: tuple[float, float, float], height: float) -> None:
+    body.add_geom(type=mujoco.mjtGeom.mjGEOM_ELLIPSOID, size=list(size), pos=[0, 0, height], **_skin())
+
+
+def _capsule(body: mujoco.MjsBody, radius: float, length: float) -> None:
+    body.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_CAPSULE, size=[radius, 0, 0],
+        fromto=[0, 0, -0.5 * radius, 0, 0, -length + 0.5 * radius], **_skin(),
+    )  # fmt: skip
+
+
+def _rad(low: float, high: float) -> tuple[float, float]:
+    return math.radians(low), math.radians(high)

@@ -1,0 +1,218 @@
+"""The MuJoCo model of one impact: ground, head, helmet, body, and the pose at first touch."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from helmet_sim_ros.biomech.record import FloatArray
+from helmet_sim_ros.model.anthropometry import anthropometry
+from helmet_sim_ros.model.body import add_body, critically_damped
+from helmet_sim_ros.model.setup import ImpactSetup
+
+#: Contact impedance: the share of the unconstrained motion a contact removes. Close to 1, so that
+#: the static indentation (1 - d)/d F T^2 / m of the shell stays well below a millimetre.
+IMPEDANCE = (0.99, 0.99, 0.001, 0.5, 2.0)
+HELMET_COLOR = (0.20, 0.36, 0.62, 0.9)
+GROUND_COLOR = (0.55, 0.55, 0.55, 1.0)
+BODY_GROUP, SHELL_GROUP = 1, 2  # contact bit masks: body with ground, shell with ground
+
+#: Part of the helmet in the head frame that faces the ground, before the body is inclined.
+FACING = {
+    "front": (1.0, 0.0, 0.0),
+    "back": (-1.0, 0.0, 0.0),
+    "left": (0.0, 1.0, 0.0),
+    "right": (0.0, -1.0, 0.0),
+    "top": (0.0, 0.0, 1.0),
+}
+
+
+@dataclass(frozen=True)
+class World:
+    """A compiled model with its state at the first touch.
+
+    Attributes:
+        model, data: MuJoCo's; ``data`` holds the initial state.
+        spec: the editable model, for export.
+        notes: what a user should know about this setup, in words.
+    """
+
+    model: mujoco.MjModel
+    data: mujoco.MjData
+    spec: mujoco.MjSpec
+    notes: tuple[str, ...]
+
+
+def build(setup: ImpactSetup) -> World:
+    """Compile the model of a setup and place it at the first touch of the ground."""
+    spec = _empty_world(setup)
+    head = spec.worldbody.add_body(name="head")
+    head.add_freejoint(name="head")
+    body = anthropometry(setup.rider)
+    segment = body.segments["head"]
+    head.mass, head.inertia, head.explicitinertial = segment.mass, list(segment.inertia), True
+    _add_helmet(head, setup)
+    _add_sensors(spec, setup)
+    if setup.rig == "rider":
+        add_body(head, setup.rider, body, math.radians(setup.resolved_neck_flexion_deg))
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    notes = _place(model, data, setup)
+    return World(model, data, spec, notes)
+
+
+def head_to_world(setup: ImpactSetup) -> FloatArray:
+    """Rotation matrix head to world at the first touch, shape (3, 3).
+
+    A headform strikes with the axis of ``direction`` straight down. A rider lies with the body
+    axis (feet to head) along world x, inclined head down by ``body_angle_deg``, turned about it
+    so that the side named by ``direction`` faces the ground (``top``: prone), and the head is
+    bent towards the chest by the neck flexion.
+    """
+    down = np.array([0.0, 0.0, -1.0])
+    if setup.rig == "headform":
+        forward = np.array([1.0, 0.0, 0.0])
+        if setup.direction == "top":
+            return np.column_stack([forward, np.cross(down, forward), down])
+        up = forward  # the crown points along world x
+        facing = down
+        return _frame(setup.direction, facing, up)
+    beta = math.radians(setup.body_angle_deg)
+    up = np.array([math.cos(beta), 0.0, -math.sin(beta)])
+    facing = np.array([-math.sin(beta), 0.0, -math.cos(beta)])
+    direction = "front" if setup.direction == "top" else setup.direction
+    flexion = math.radians(setup.resolved_neck_flexion_deg)
+    c, s = math.cos(flexion), math.sin(flexion)
+    nod = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+    return _frame(direction, facing, up) @ nod
+
+
+def _frame(direction: str, facing: FloatArray, up: FloatArray) -> FloatArray:
+    """Head axes in world axes, the named side along ``facing``, z along ``up``."""
+    side = np.array(FACING[direction])
+    if side[0] != 0.0:
+        x = facing * side[0]
+        return np.column_stack([x, np.cross(up, x), up])
+    y = facing * side[1]
+    return np.column_stack([np.cross(y, up), y, up])
+
+
+def _empty_world(setup: ImpactSetup) -> mujoco.MjSpec:
+    spec = mujoco.MjSpec()
+    spec.modelname = "impact"
+    spec.compiler.degree = False
+    option = spec.option
+    option.timestep = setup.time_step
+    option.gravity = [0.0, 0.0, -setup.gravity]
+    option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    option.impratio = 10.0
+    option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    option.solver = mujoco.mjtSolver.mjSOL_NEWTON
+    # A diverged state must be seen, not silently reset.
+    option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = 1920, 1080
+    # Friction of a pair is the larger of the two: the ground has none of its own.
+    spec.worldbody.add_geom(
+        name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1], rgba=list(GROUND_COLOR),
+        contype=0, conaffinity=BODY_GROUP | SHELL_GROUP, condim=1, friction=[0, 0, 0],
+        solimp=list(IMPEDANCE), priority=0,
+    )  # fmt: skip
+    return spec
+
+
+def _add_helmet(head: mujoco.MjsBody, setup: ImpactSetup) -> None:
+    """The struck shell on its three slides, and the rest of the helmet fixed to the head."""
+    helmet = setup.helmet_config
+    center = list(helmet.shell.center)
+    share = helmet.shell.effective_mass / helmet.mass
+    shell = head.add_body(name="helmet")
+    for name, axis in (("x", (1, 0, 0)), ("y", (0, 1, 0)), ("z", (0, 0, 1))):
+        shell.add_joint(
+            name=f"coupling_{name}", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=list(axis)
+        )
+    _rigid(shell, share * helmet.mass, center, [share * i for i in helmet.inertia])
+    shell.add_geom(
+        name="shell", type=mujoco.mjtGeom.mjGEOM_ELLIPSOID, size=list(helmet.shell.semi_axes),
+        pos=center, mass=0.0, contype=SHELL_GROUP, conaffinity=0, condim=3,
+        friction=[setup.friction, 0.005, 0.0001], rgba=list(HELMET_COLOR),
+        solref=list(critically_damped(helmet.shell.contact_time_constant)),
+        solimp=list(IMPEDANCE), priority=1,
+    )  # fmt: skip
+    shell.add_site(name="coupling")
+    if share < 1.0:
+        rest = head.add_body(name="helmet_rest")
+        _rigid(rest, (1 - share) * helmet.mass, center, [(1 - share) * i for i in helmet.inertia])
+
+
+def _rigid(body: mujoco.MjsBody, mass: float, at: list[float], inertia: list[float]) -> None:
+    body.mass, body.ipos, body.inertia = mass, at, inertia
+    body.explicitinertial = True
+
+
+def _add_sensors(spec: mujoco.MjSpec, setup: ImpactSetup) -> None:
+    """Contact and joint wrenches, in the order ``impact.SENSORS`` reads them."""
+    sensor, site = mujoco.mjtSensor, mujoco.mjtObj.mjOBJ_SITE
+    net, fields = 3, 0b10110  # reduce = netforce; data = force, torque, pos
+    geom, subtree = mujoco.mjtObj.mjOBJ_GEOM, mujoco.mjtObj.mjOBJ_XBODY
+    spec.add_sensor(
+        name="ground_contact", type=sensor.mjSENS_CONTACT, objtype=geom, objname="ground",
+        reftype=geom, refname="shell", intprm=[fields, net, 1],
+    )  # fmt: skip
+    spec.add_sensor(name="coupling_torque", type=sensor.mjSENS_TORQUE, objtype=site, objname="coupling")
+    if setup.rig == "rider":
+        spec.add_sensor(name="neck_force", type=sensor.mjSENS_FORCE, objtype=site, objname="neck_load")
+        spec.add_sensor(name="neck_torque", type=sensor.mjSENS_TORQUE, objtype=site, objname="neck_load")
+        spec.add_sensor(
+            name="body_contact", type=sensor.mjSENS_CONTACT, objtype=geom, objname="ground",
+            reftype=subtree, refname="neck", intprm=[0b0010, net, 1],
+        )  # fmt: skip
+
+
+def _place(model: mujoco.MjModel, data: mujoco.MjData, setup: ImpactSetup) -> tuple[str, ...]:
+    """Set pose and velocity: helmet just touching at the world origin, all moving as one."""
+    rotation = head_to_world(setup)
+    mujoco.mju_mat2Quat(data.qpos[3:7], rotation.flatten())
+    for j in range(model.njnt):
+        if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE:
+            # A spring at rest: posture and neck flexion are the springs' reference angles.
+            data.qpos[model.jnt_qposadr[j]] = model.qpos_spring[model.jnt_qposadr[j]]
+    shell = setup.helmet_config.shell
+    down = rotation.T @ np.array([0.0, 0.0, -1.0])
+    axes = np.array(shell.semi_axes)
+    touch = np.array(shell.center) + axes**2 * down / np.linalg.norm(axes * down)
+    data.qpos[0:3] = -rotation @ touch
+    heading = math.radians(setup.tangential_heading_deg)
+    data.qvel[0] = setup.tangential_velocity * math.cos(heading)
+    data.qvel[1] = setup.tangential_velocity * math.sin(heading)
+    data.qvel[2] = -setup.normal_velocity
+    mujoco.mj_kinematics(model, data)
+    name, lowest = _lowest_body_part(model, data)
+    if lowest >= 0.0:
+        return ()
+    data.qpos[2] -= lowest
+    return (
+        f"{name} touches the ground first, the helmet starts {-lowest * 1e3:.1f} mm above it; "
+        "a larger body_angle_deg lets the helmet strike first",
+    )
+
+
+def _lowest_body_part(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[str, float]:
+    """Name and height [m] of the lowest point of the body, helmet left out."""
+    lowest, name = math.inf, ""
+    for geom in range(model.ngeom):
+        if model.geom_contype[geom] != BODY_GROUP:
+            continue
+        vertical = data.geom_xmat[geom].reshape(3, 3)[2]
+        size = model.geom_size[geom]
+        if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_ELLIPSOID:
+            reach = float(np.linalg.norm(size * vertical))
+        else:  # capsule: radius, half length along its z
+            reach = float(size[0] + size[1] * abs(vertical[2]))
+        height = float(data.geom_xpos[geom, 2]) - reach
+        if height < lowest:
+            lowest, name = height, model.body(model.geom_bodyid[geom]).name
+    return name, lowest
