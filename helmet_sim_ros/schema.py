@@ -151,7 +151,8 @@ def _leaf(name: str, field: FieldInfo) -> Leaf:
     if get_origin(inner) is Literal:
         choices, kind = tuple(get_args(inner)), str
     elif get_origin(inner) is tuple:
-        length, kind = len(get_args(inner)), tuple
+        kinds = get_args(inner)
+        length, kind = None if Ellipsis in kinds else len(kinds), tuple
     minimum = maximum = None
     exclusive = False
     for rule in field.metadata:
@@ -172,6 +173,8 @@ def _allowed(leaf: Leaf) -> str:
     if leaf.choices:
         return "must be one of " + ", ".join(leaf.choices)
     unit = f" {leaf.unit}" if leaf.unit and leaf.unit != "-" else ""
+    if leaf.type is tuple and leaf.length is None:
+        return "must be a list"
     if leaf.type is tuple:
         return f"must be a list of {leaf.length} numbers{unit}"
     kind = {float: "a number", int: "an integer", str: "text", bool: "true or false"}.get(

@@ -101,11 +101,11 @@ class ImpactSetup(Config):
         if not isinstance(data, Mapping):
             return data
         data = dict(data)
-        if data.get("direction") == "side":
-            data["direction"] = "left"
         overrides = data.get("overrides", {})
         if isinstance(overrides, Mapping):
             data = _apply_overrides(data, overrides)
+        if data.get("direction") == "side":
+            data["direction"] = "left"
         return data
 
     @model_validator(mode="after")

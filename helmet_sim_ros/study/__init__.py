@@ -1,0 +1,6 @@
+"""Studies: scenario matrices and what is done with them. ROS-free."""
+
+from helmet_sim_ros.study.reference import Reference, load_reference
+from helmet_sim_ros.study.scenario import Case, Scenario, load_scenario
+
+__all__ = ["load_scenario", "Scenario", "Case", "load_reference", "Reference"]

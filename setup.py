@@ -1,0 +1,91 @@
+"""Packaging for pip and for colcon (ament_python).
+
+``data_files`` make any install prefix an ament prefix: ``ros2 run helmet_sim_ros simulation_node``
+works from a colcon workspace, and from a virtual environment on ``AMENT_PREFIX_PATH``.
+"""
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+from setuptools import find_packages, setup
+
+NAME = "helmet_sim_ros"
+HERE = Path(__file__).parent
+MANIFEST = ElementTree.parse(HERE / "package.xml").getroot()
+
+#: Where the pinned middleware wheels exist.
+WHEELS = "sys_platform == 'linux' and platform_machine == 'x86_64' and python_version < '3.15'"
+
+EXTRAS = {
+    # ROS 2 Jazzy from wheels. Left out beside a system ROS, so that nothing of it is shadowed.
+    "ros": [
+        f"ros-rclpy[fastrtps]==7.1.6; {WHEELS}",
+        f"ros-jazzy-common-interfaces==5.3.6; {WHEELS}",
+    ],
+    "report": ["jinja2", "matplotlib"],
+    "test": [
+        "colcon-common-extensions",
+        "dynars>=1.1",
+        "hypothesis",
+        "jinja2",
+        "matplotlib",
+        "mcap-ros2-support",
+        "mypy",
+        "pytest>=8",
+        "pytest-timeout",
+        "rosbags",
+        "ruff",
+        "types-PyYAML",
+    ],
+}
+
+
+def text_of(tag: str) -> str:
+    """The text of an element of package.xml, the one place that states it."""
+    return (MANIFEST.findtext(tag) or "").strip()
+
+
+def files_below(folder: str) -> list[tuple[str, list[str]]]:
+    """``data_files`` entries that install ``folder`` into the package's share directory."""
+    found: dict[str, list[str]] = {}
+    for path in sorted(Path(folder).rglob("*")):
+        if path.is_file() and "__pycache__" not in path.parts:
+            found.setdefault(f"share/{NAME}/{path.parent.as_posix()}", []).append(path.as_posix())
+    return list(found.items())
+
+
+setup(
+    name=NAME,
+    version=text_of("version"),
+    description=text_of("description"),
+    long_description=(HERE / "README.md").read_text(encoding="utf-8"),
+    long_description_content_type="text/markdown",
+    license=text_of("license"),
+    maintainer=text_of("maintainer"),
+    maintainer_email=MANIFEST.find("maintainer").get("email"),
+    python_requires=">=3.11",
+    packages=find_packages(include=[NAME, f"{NAME}.*"]),
+    package_data={NAME: ["py.typed"]},
+    zip_safe=False,
+    install_requires=[
+        "annotated-types",
+        "click>=8.1",
+        "mcap>=1.2",
+        "mujoco>=4,<5",
+        "numba>=0.61",
+        "numpy>=1.26",
+        "pydantic>=2.5",
+        "pyyaml>=6",
+        "rich>=13",
+        "scipy>=1.11",
+    ],
+    extras_require=EXTRAS,
+    entry_points={"console_scripts": ["helmet-sim = helmet_sim_ros.cli:main"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+        (f"share/{NAME}", ["package.xml"]),
+        (f"lib/{NAME}", [path.as_posix() for path in sorted(Path("scripts").glob("*_node"))]),
+        *files_below("config"),
+        *files_below("launch"),
+    ],
+)
