@@ -1,0 +1,125 @@
+"""Criteria of the linear head acceleration other than HIC. All accelerations in g."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.ndimage import minimum_filter1d
+
+from helmet_sim_ros.biomech.pulse import FloatArray, positive, resultant_g
+from helmet_sim_ros.errors import PulseError
+
+#: Share of the peak above which a pulse counts as lasting. A half sine of length T lasts
+#: (1 - 2/pi asin 0.1) T = 0.936 T by this measure.
+DURATION_LEVEL = 0.1
+
+
+class Span(NamedTuple):
+    """A value that belongs to an interval; times count from the first sample [s]."""
+
+    value: float
+    t1: float
+    t2: float
+
+
+def clip(acceleration_g: ArrayLike, time_step: float, duration: float = 0.003) -> Span:
+    """The highest level that the resultant keeps without a break for ``duration`` (3 ms clip).
+
+    Exact for a resultant that is linear between samples, whatever the time step.
+
+    Args:
+        acceleration_g: components (n, 3) or resultant (n,) [g].
+        time_step: sampling interval [s].
+        duration: how long the level is kept [s].
+
+    Returns:
+        The level [g] and the interval.
+
+    Raises:
+        PulseError: bad signal or argument, or a signal shorter than ``duration``.
+    """
+    resultant = resultant_g(acceleration_g, time_step)
+    lags = positive("duration", duration) / time_step
+    last = len(resultant) - 1
+    if lags > last * (1.0 + 1e-12):
+        raise PulseError(
+            f"acceleration_g: lasts {last * time_step * 1e3:.4g} ms, shorter than the duration of "
+            f"{duration * 1e3:.4g} ms"
+        )
+    return kept_level(resultant, float(time_step), lags)
+
+
+def kept_level(resultant: FloatArray, time_step: float, lags: float) -> Span:
+    """:func:`clip` of a checked resultant, (n,), for an interval of ``lags`` samples.
+
+    While an interval slides, its minimum is the lowest of the samples inside (constant between
+    two events) and of its two ends (linear between two events); so its maximum is at an event or
+    where the ends are level.
+    """
+    nodes = np.arange(len(resultant), dtype=np.float64)
+    latest = max(nodes[-1] - lags, 0.0)
+    whole = nodes[: int(latest + 1e-9) + 1]
+    cut = nodes[int(np.ceil(lags - 1e-9)) :] - lags
+    starts = np.union1d(np.minimum(whole, latest), np.clip(cut, 0.0, latest))
+    ahead = np.interp(starts, nodes, resultant)
+    behind = np.interp(starts + lags, nodes, resultant)
+    difference = ahead - behind
+    crosses = np.flatnonzero(difference[:-1] * difference[1:] < 0.0)
+    share = difference[crosses] / (difference[crosses] - difference[crosses + 1])
+    level = starts[crosses] + share * (starts[crosses + 1] - starts[crosses])
+    starts = np.concatenate((starts, level))
+    ends = starts + lags
+    kept = np.minimum(np.interp(starts, nodes, resultant), np.interp(ends, nodes, resultant))
+
+    # The samples inside, whose number is the whole part of lags or one more, as two runs.
+    run = max(int(lags + 1e-9), 1)
+    lowest = minimum_filter1d(resultant, run, origin=-(run // 2))
+    first = np.ceil(starts - 1e-9).astype(int)
+    final = np.floor(ends + 1e-9).astype(int)
+    inside = first <= final
+    for begin in (first, final - run + 1):
+        begin = np.clip(begin, 0, len(resultant) - run)
+        np.minimum(kept, lowest[begin], out=kept, where=inside)
+    i = int(kept.argmax())
+    return Span(float(kept[i]), float(starts[i]) * time_step, float(ends[i]) * time_step)
+
+
+def pulse_duration(
+    acceleration_g: ArrayLike, time_step: float, level: float = DURATION_LEVEL
+) -> Span:
+    """How long the resultant stays above a share of its peak, without a break, around the peak.
+
+    Args:
+        acceleration_g: components (n, 3) or resultant (n,) [g].
+        time_step: sampling interval [s].
+        level: share of the peak, above 0 and below 1.
+
+    Returns:
+        The duration [s] and its interval; crossings are interpolated. 0 without any acceleration.
+
+    Raises:
+        PulseError: bad signal or argument.
+    """
+    if not 0.0 < level < 1.0:
+        raise PulseError(f"level = {level!r}: must be above 0 and below 1")
+    return span_about_peak(resultant_g(acceleration_g, time_step), float(time_step), level)
+
+
+def span_about_peak(resultant: FloatArray, time_step: float, level: float) -> Span:
+    """:func:`pulse_duration` of a checked resultant, (n,)."""
+    top = int(resultant.argmax())
+    threshold = level * float(resultant[top])
+    if threshold <= 0.0:
+        return Span(0.0, 0.0, 0.0)
+    below = np.flatnonzero(resultant <= threshold)
+    before, after = below[below < top], below[below > top]
+    t1, t2 = 0.0, float(len(resultant) - 1)
+    if len(before):
+        i = int(before[-1])
+        t1 = i + (threshold - resultant[i]) / (resultant[i + 1] - resultant[i])
+    if len(after):
+        i = int(after[0])
+        t2 = i - (threshold - resultant[i]) / (resultant[i - 1] - resultant[i])
+    return Span(float(t2 - t1) * time_step, float(t1) * time_step, float(t2) * time_step)

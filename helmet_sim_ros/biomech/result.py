@@ -1,0 +1,135 @@
+"""The result of an evaluation: plain frozen data that survives JSON unchanged."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields
+from typing import Any, Literal
+
+from helmet_sim_ros.errors import PulseError
+
+Verdict = Literal["pass", "fail", "info"]
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """One criterion of one impact.
+
+    Attributes:
+        name: as in the catalogue, ``peak_g``.
+        value: in ``unit``.
+        unit: SI, or g for accelerations of the head.
+        window: the interval t1, t2 that the value belongs to, in the record's time [s].
+        time: when the peak occurs, in the record's time [s].
+        limit: largest allowed value, in ``unit``; None: the standard sets none.
+        verdict: ``pass``, ``fail``, or ``info`` where there is no limit.
+        note: what a reader of this one number must know.
+        source: where the limit stands.
+        verified: whether the limit was checked against the primary text; None without a limit.
+    """
+
+    name: str
+    value: float
+    unit: str
+    window: tuple[float, float] | None = None
+    time: float | None = None
+    limit: float | None = None
+    verdict: Verdict = "info"
+    note: str = ""
+    source: str = ""
+    verified: bool | None = None
+
+    def __float__(self) -> float:
+        return self.value
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """All criteria of one impact, judged by one standard.
+
+    A criterion is also an attribute: ``result.peak_g`` is ``result.criteria["peak_g"]``.
+
+    Attributes:
+        standard: name of the standard.
+        title: its full title.
+        criteria: by name.
+        messages: the verdict in plain language, one line per limit, failures first.
+        warnings: what weakens these numbers (sample rate, other impact conditions, ...).
+    """
+
+    standard: str
+    title: str
+    criteria: Mapping[str, Criterion]
+    messages: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = field(default=())
+
+    @property
+    def verdict(self) -> Literal["pass", "fail"]:
+        """``fail`` if any limit is exceeded."""
+        failed = any(criterion.verdict == "fail" for criterion in self.criteria.values())
+        return "fail" if failed else "pass"
+
+    def __getattr__(self, name: str) -> Criterion:
+        criteria = self.__dict__.get("criteria", {})
+        if name not in criteria:
+            known = f"; criteria: {', '.join(criteria)}" if criteria else ""
+            raise AttributeError(f"{type(self).__name__} has no criterion {name!r}{known}")
+        return criteria[name]  # type: ignore[no-any-return]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain JSON types; see ``config/evaluation.schema.json``."""
+        criteria = {name: asdict(criterion) for name, criterion in self.criteria.items()}
+        for entry in criteria.values():
+            entry["window"] = None if entry["window"] is None else list(entry["window"])
+        return {
+            "standard": self.standard,
+            "title": self.title,
+            "verdict": self.verdict,
+            "messages": list(self.messages),
+            "warnings": list(self.warnings),
+            "criteria": criteria,
+        }
+
+    def to_json(self) -> str:
+        """:meth:`as_dict` as one line of JSON; every number reads back bit for bit."""
+        return json.dumps(self.as_dict(), allow_nan=False)
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Evaluation:
+        """The inverse of :meth:`as_dict`.
+
+        Raises:
+            PulseError: not the data of an evaluation.
+        """
+        try:
+            return cls(
+                standard=data["standard"],
+                title=data["title"],
+                criteria={name: _criterion(entry) for name, entry in data["criteria"].items()},
+                messages=tuple(data["messages"]),
+                warnings=tuple(data["warnings"]),
+            )
+        except (KeyError, TypeError, AttributeError, ValueError) as error:
+            raise PulseError(f"evaluation: not the data of an evaluation: {error!r}") from None
+
+    @classmethod
+    def from_json(cls, text: str) -> Evaluation:
+        """The inverse of :meth:`to_json`.
+
+        Raises:
+            PulseError: not JSON, or not the data of an evaluation.
+        """
+        try:
+            data = json.loads(text)
+        except ValueError as error:
+            raise PulseError(f"evaluation: not JSON: {error}") from None
+        return cls.from_dict(data)
+
+
+def _criterion(entry: Mapping[str, Any]) -> Criterion:
+    known = {f.name: entry[f.name] for f in fields(Criterion) if f.name in entry}
+    window = known.get("window")
+    if window is not None:
+        known["window"] = (float(window[0]), float(window[1]))
+    return Criterion(**known | {"value": float(known["value"])})

@@ -1,0 +1,65 @@
+"""Standards as data: each YAML file in ``config/standards`` is one set of limits."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+
+import yaml
+from pydantic import Field, model_validator
+
+from helmet_sim_ros.errors import SetupError
+from helmet_sim_ros.resources import find_config, share_directory
+from helmet_sim_ros.schema import Config, quantity
+
+#: The limits that the coupling paper quotes, used when no standard is asked for.
+DEFAULT_STANDARD = "ece_r22_05"
+
+
+class Limit(Config):
+    """The largest allowed value of one criterion."""
+
+    max: float = quantity("largest allowed value, in the criterion's unit", "", ge=0.0)
+    source: str = Field(description="where the limit stands: document and clause, or what cites it")
+    verified: bool = Field(description="whether the limit was checked against the primary text")
+
+
+class Standard(Config):
+    """One test of a standard, or one set of limits of a user."""
+
+    title: str = Field(description="full title of the document and of the test in it")
+    notes: str = Field("", description="impact conditions and what is left out")
+    normal_velocity: float | None = quantity(
+        "prescribed speed of the test along its drop direction", "m/s", None, gt=0.0, le=30.0
+    )
+    limits: dict[str, Limit] = Field(description="limits by name of the criterion")
+
+    @model_validator(mode="after")
+    def _has_limits(self) -> Standard:
+        if not self.limits:
+            raise SetupError.of("limits", self.limits, "must hold at least one limit")
+        return self
+
+
+def load_standard(name_or_path: str) -> Standard:
+    """The standard of ``config/standards/NAME.yaml``, or of any YAML file by path.
+
+    Raises:
+        SetupError: unknown name, unreadable file, or a refused value in it.
+    """
+    path = find_config("standards", name_or_path, "standard")
+    return _load(path, path.stat().st_mtime_ns)
+
+
+def standard_names() -> list[str]:
+    """The names of the shipped standards."""
+    return sorted(p.stem for p in (share_directory() / "config" / "standards").glob("*.yaml"))
+
+
+@lru_cache(maxsize=64)
+def _load(path: Path, _mtime_ns: int) -> Standard:
+    try:
+        data = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise SetupError.of("standard", str(path), f"cannot be read: {error}") from error
+    return Standard.from_mapping(data, str(path))  # type: ignore[no-any-return]
