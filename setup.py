@@ -7,7 +7,7 @@ works from a colcon workspace, and from a virtual environment on ``AMENT_PREFIX_
 from pathlib import Path
 from xml.etree import ElementTree
 
-from setuptools import find_packages, setup
+from setuptools import Distribution, find_packages, setup
 
 NAME = "helmet_sim_ros"
 HERE = Path(__file__).parent
@@ -54,7 +54,15 @@ def files_below(folder: str) -> list[tuple[str, list[str]]]:
     return list(found.items())
 
 
+class DistributionWithData(Distribution):
+    """Editable installs get their ``data_files``: setuptools asks for them by this name."""
+
+    def has_data(self) -> bool:
+        return bool(self.has_data_files())
+
+
 setup(
+    distclass=DistributionWithData,
     name=NAME,
     version=text_of("version"),
     description=text_of("description"),

@@ -1,0 +1,47 @@
+# make demo: run the six oblique impacts of the paper's Table 1; make test; make lint; make clean.
+# PYTHON=python3.12 chooses another interpreter (3.11 or later), VENV=... another place.
+PYTHON ?= python3
+VENV ?= .venv
+
+# What make starts uses the wheels in $(VENV), also in a shell where a system ROS is sourced.
+unexport PYTHONPATH PYTHONHOME AMENT_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH
+unexport RMW_IMPLEMENTATION
+
+BIN := $(VENV)/bin
+PACKAGING := setup.py setup.cfg pyproject.toml package.xml $(wildcard scripts/*_node)
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+
+.PHONY: demo test lint clean
+
+demo: $(VENV)/.demo-ready
+	@$(BIN)/helmet-sim run oblique_table1
+
+test: $(VENV)/.test-ready
+	$(BIN)/python -m pytest
+
+lint: $(VENV)/.test-ready
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+clean:
+	rm -rf $(VENV) build install log *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+
+$(BIN)/python:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	  { echo "helmet_sim_ros needs Python 3.11 or later; choose one: make PYTHON=python3.11" >&2; exit 1; }
+	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || \
+	  { echo "$(PYTHON) cannot make virtual environments; on Debian and Ubuntu:" \
+	    "sudo apt install python3-venv" >&2; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+
+# A stamp per set of extras: the next call starts at once, a changed setup.py installs again.
+$(VENV)/.demo-ready: $(PACKAGING) | $(BIN)/python
+	@echo "Installing into $(VENV), once; this takes a minute or two"
+	$(PIP) --editable '.[ros]'
+	@touch $@
+
+$(VENV)/.test-ready: $(VENV)/.demo-ready
+	@echo "Installing the tools of the tests into $(VENV), once"
+	$(PIP) --editable '.[ros,report,test]'
+	@touch $@
