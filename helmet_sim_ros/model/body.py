@@ -21,19 +21,12 @@ from helmet_sim_ros.model.setup import Neck, Posture, Rider
 X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 FORWARD = (0.0, -1.0, 0.0)  # a positive angle swings what hangs below the joint forwards
 
-#: Body-ground contact: clothing and soft tissue, time constant 10 ms (general literature value).
-BODY_CONTACT = (0.010, 0.5)  # s, friction
+#: Body-ground contact: stiffness [N/m], damping [s/m], friction [-] of clothed soft tissue over
+#: ribs and shoulder (general literature values; see model/contact.py for the law).
+BODY_CONTACT = (60e3, 0.2, 0.5)
 BODY_COLOR = (0.75, 0.62, 0.55, 1.0)
 NECK_AXIAL_RANGE = (-0.02, 0.02)  # m
 OCCIPITAL_SHARE = 0.5  # share of the neck's bending angle taken by the upper joint
-
-
-def critically_damped(time_constant: float) -> tuple[float, float]:
-    """MuJoCo's direct ``solref`` (-stiffness, -damping) of a critically damped contact.
-
-    Given directly it does not follow the time step: k = 1 / T^2 [1/s^2], b = 2 / T [1/s].
-    """
-    return -1.0 / time_constant**2, -2.0 / time_constant
 
 
 def add_body(
@@ -126,7 +119,8 @@ def _leg(
     _joint(foot, f"ankle_flexion_{side}", FORWARD, _rad(-45, 30), 8.0, 1.0)
     foot.add_geom(
         type=mujoco.mjtGeom.mjGEOM_CAPSULE, size=[0.8 * body.ankle_height, 0, 0],
-        fromto=[heel + 0.03, 0.0, drop, heel + segment.length - 0.03, 0.0, drop], **_skin(),
+        fromto=[heel + 0.03, 0.0, drop, heel + segment.length - 0.03, 0.0, drop], mass=0.0,
+        rgba=list(BODY_COLOR),
     )  # fmt: skip
 
 
@@ -182,28 +176,20 @@ def _joint(
     joint.range, joint.limited = list(limits), mujoco.mjtLimited.mjLIMITED_TRUE
     joint.stiffness, joint.damping = [stiffness, 0.0, 0.0], [damping, 0.0, 0.0]
     joint.springref = rest
-    joint.solref_limit = list(critically_damped(0.005))
+    # Direct form (-stiffness, -damping): a 5 ms stop that does not follow the time step.
+    joint.solref_limit = [-1.0 / 0.005**2, -2.0 / 0.005]
     return joint
 
 
-def _skin() -> dict[str, object]:
-    """Contact with the ground only (contype meets the ground's conaffinity)."""
-    time_constant, friction = BODY_CONTACT
-    return {
-        "contype": 1, "conaffinity": 0, "condim": 3, "rgba": list(BODY_COLOR),
-        "friction": [friction, 0.005, 0.0001], "mass": 0.0,
-        "solref": list(critically_damped(time_constant)),
-    }  # fmt: skip
-
-
 def _ellipsoid(body: mujoco.MjsBody, size: tuple[float, float, float], height: float) -> None:
-    body.add_geom(type=mujoco.mjtGeom.mjGEOM_ELLIPSOID, size=list(size), pos=[0, 0, height], **_skin())
+    body.add_geom(type=mujoco.mjtGeom.mjGEOM_ELLIPSOID, size=list(size), pos=[0, 0, height], mass=0.0, rgba=list(BODY_COLOR))
 
 
 def _capsule(body: mujoco.MjsBody, radius: float, length: float) -> None:
     body.add_geom(
         type=mujoco.mjtGeom.mjGEOM_CAPSULE, size=[radius, 0, 0],
-        fromto=[0, 0, -0.5 * radius, 0, 0, -length + 0.5 * radius], **_skin(),
+        fromto=[0, 0, -0.5 * radius, 0, 0, -length + 0.5 * radius], mass=0.0,
+        rgba=list(BODY_COLOR),
     )  # fmt: skip
 
 

@@ -25,10 +25,13 @@ class Shell(Config):
         "part of the helmet mass that stops with the struck shell; the rest moves with the head",
         "kg", gt=0.0, le=3.0,
     )  # fmt: skip
-    contact_time_constant: float = quantity(
-        "time constant of the shell-ground contact, independent of the time step",
-        "s", 1e-3, ge=1e-4, le=2e-2,
+    contact_stiffness: float = quantity(
+        "normal stiffness of the shell on the ground (local bending of the shell)",
+        "N/m", 3e6, ge=1e4, le=1e8,
     )  # fmt: skip
+    contact_damping: float = quantity(
+        "damping c of the normal force k d (1 + c d')", "s/m", 0.15, ge=0.0, le=5.0
+    )
 
     @model_validator(mode="after")
     def _plausible(self) -> Shell:

@@ -58,13 +58,22 @@ class Impact:
         self._joints = _Columns(model)
         self.labels = block_labels(self._joints.names)
         spring = setup.helmet_config.spring
-        self._law, self._loss = coupling.law_table(spring), spring.energy_loss
-        self._state = coupling.new_state()
-        rows = self.total
+        shapes = world.shapes
+        data = self._data
+        # Views of MuJoCo's arrays and the history of spring and contacts, as the loop takes them.
+        self._states = (data.qpos, data.qvel, data.qacc, data.sensordata)
+        self._frames = (data.xpos, data.xmat, data.xipos, data.cvel, data.subtree_com[1])
+        self._forces = (data.qfrc_applied, data.xfrc_applied)
+        self._spring = (coupling.law_table(spring), spring.energy_loss, coupling.new_state())
+        self._shapes = (
+            shapes.body, shapes.center, shapes.semi_axes, shapes.law, shapes.new_state()
+        )  # fmt: skip
         self._samples = tuple(
-            np.zeros((rows, columns))
-            for columns in (model.nq, model.nv, model.nv, model.nsensordata, 3)
-        )
+            np.zeros((self.total, *columns))
+            for columns in (
+                (model.nq,), (model.nv,), (model.nv,), (model.nsensordata,), (3,), (2, 6),
+            )
+        )  # fmt: skip
         self._done = 0
 
     @property
@@ -82,11 +91,10 @@ class Impact:
             DivergedError: the state stopped being finite; earlier samples stay readable.
         """
         last = min(self._done + samples, self.total)
-        model, data = self._model, self._data
         self._done = advance(
-            model._address, data._address, self._done, last,
-            data.qpos, data.qvel, data.qacc, data.qfrc_applied, data.sensordata,
-            self._joints.slides, self._law, self._loss, self._state, self._samples,
+            self._model._address, self._data._address, self.setup.time_step, self._done, last,
+            self._states, self._frames, self._forces, self._joints.slides, self._spring,
+            self._shapes, self._samples,
         )  # fmt: skip
         if self._done < last:
             raise DivergedError(self._done * self.setup.time_step, self.setup.described())
@@ -107,7 +115,7 @@ class Impact:
         return str(self._spec.to_xml())
 
     def _slice(self, first: int, last: int) -> ImpactRecord:
-        q, v, a, sensors, spring_on_shell = (rows[first:last] for rows in self._samples)
+        q, v, a, sensors, spring_on_shell, ground = (rows[first:last] for rows in self._samples)
         columns, rider = self._joints, self.setup.rig == "rider"
         turn = _rotation_matrices(q[:, 3:7])
         zeros = np.zeros((len(q), 3))
@@ -116,10 +124,6 @@ class Impact:
             start = int(self._model.sensor(name).adr[0])
             return sensors[:, start : start + 3]
 
-        contact = int(self._model.sensor("ground_contact").adr[0])
-        force = sensors[:, contact : contact + 3]
-        moment = sensors[:, contact + 3 : contact + 6]
-        point = sensors[:, contact + 6 : contact + 9]
         displacement = q[:, columns.slides[0] : columns.slides[0] + 3]
         orientation = q[:, [4, 5, 6, 3]]
         return ImpactRecord(
@@ -132,15 +136,15 @@ class Impact:
             head_orientation=orientation,
             helmet_position=q[:, 0:3] + _rotated(turn, displacement),
             helmet_orientation=orientation,
-            ground_force=force,
-            ground_torque=moment + np.cross(point, force),
+            ground_force=ground[:, 0, :3],
+            ground_torque=ground[:, 0, 3:],
             coupling_force=-spring_on_shell,
             coupling_torque=-read("coupling_torque"),
             coupling_displacement=displacement,
             # MuJoCo's joint sensors read what the parent exerts on the child.
             neck_force=self._in_head_axes(q, -read("neck_force")) if rider else zeros,
             neck_torque=self._in_head_axes(q, -read("neck_torque")) if rider else zeros,
-            body_ground_force=read("body_contact") if rider else zeros,
+            body_ground_force=ground[:, 1, :3],
             joint_names=columns.names,
             joint_positions=q[:, columns.qpos],
             joint_velocities=v[:, columns.qvel],

@@ -1,6 +1,7 @@
-"""The one stepping loop: coupling force in, ``mj_step``, samples out; compiled by numba.
+"""The one stepping loop: coupling and contact forces in, samples out; compiled by numba.
 
-The loop calls MuJoCo's C function directly and works on numpy views of MuJoCo's arrays, so it
+``mj_step`` is taken in its two halves, so that the forces see the present positions and
+velocities and not those of the step before. The loop calls MuJoCo's C function directly and works on numpy views of MuJoCo's arrays, so it
 costs hardly more than ``mj_step`` itself and releases the interpreter lock.
 """
 
@@ -10,9 +11,12 @@ from pathlib import Path
 
 import llvmlite.binding
 import mujoco
+import numpy as np
 from numba import njit, types
+from numpy.typing import NDArray
 
 from helmet_sim_ros.biomech.record import FloatArray
+from helmet_sim_ros.model.contact import ground_contact
 from helmet_sim_ros.model.coupling import spring_force
 
 
@@ -26,47 +30,62 @@ def _link_mujoco() -> None:
 
 
 _link_mujoco()
-_mj_step = types.ExternalFunction("mj_step", types.void(types.intp, types.intp))
+_signature = types.void(types.intp, types.intp)
+_mj_step1 = types.ExternalFunction("mj_step1", _signature)
+_mj_step2 = types.ExternalFunction("mj_step2", _signature)
 
 
 @njit(cache=True, nogil=True)
-def advance(
+def advance(  # noqa: PLR0913 - flat arrays are what compiled code takes
     model: int,
     data: int,
+    step: float,
     first: int,
     last: int,
-    qpos: FloatArray,
-    qvel: FloatArray,
-    qacc: FloatArray,
-    applied: FloatArray,
-    sensors: FloatArray,
+    states: tuple[FloatArray, ...],
+    frames: tuple[FloatArray, ...],
+    forces: tuple[FloatArray, FloatArray],
     slides: tuple[int, int],
-    law: FloatArray,
-    energy_loss: float,
-    state: FloatArray,
-    samples: tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray],
+    spring: tuple[FloatArray, float, FloatArray],
+    shapes: tuple[NDArray[np.int64], FloatArray, FloatArray, FloatArray, FloatArray],
+    samples: tuple[FloatArray, ...],
 ) -> int:
     """Step from sample ``first`` up to ``last``; each row is the state before its step.
 
     Args:
         model, data: addresses of mjModel and mjData.
-        qpos, qvel, qacc, applied, sensors: views of MuJoCo's arrays (``qfrc_applied``,
-            ``sensordata``).
+        step: time step [s].
+        states: views of qpos, qvel, qacc, sensordata.
+        frames: views of xpos, xmat, xipos, cvel and the row of subtree_com of the tree's root.
+        forces: views of qfrc_applied and xfrc_applied.
         slides: index of the first coupling slide in qpos and in qvel.
-        law, energy_loss, state: see :mod:`helmet_sim_ros.model.coupling`.
-        samples: rows of qpos, qvel, qacc, sensordata and spring force (3) to write.
+        spring: law table, energy loss, state; see :mod:`helmet_sim_ros.model.coupling`.
+        shapes: body, centre, semi-axes, law, stick; see :mod:`helmet_sim_ros.model.contact`.
+        samples: rows of qpos, qvel, qacc, sensordata, spring force (3) and the ground's two
+            wrenches (2, 6) to write.
 
     Returns:
         ``last``, or the index of the first sample whose acceleration is not finite.
     """
-    q_rows, v_rows, a_rows, sensor_rows, force_rows = samples
+    qpos, qvel, qacc, sensors = states
+    xpos, xmat, xipos, cvel, center_of_mass = frames
+    generalised, cartesian = forces
+    law, energy_loss, spring_state = spring
+    body, center, semi_axes, contact_law, stick = shapes
+    q_rows, v_rows, a_rows, sensor_rows, spring_rows, wrench_rows = samples
     q0, v0 = slides
     for i in range(first, last):
-        spring_force(qpos[q0 : q0 + 3], law, energy_loss, state, force_rows[i])
-        applied[v0 : v0 + 3] = force_rows[i]
+        _mj_step1(model, data)
+        spring_force(qpos[q0 : q0 + 3], law, energy_loss, spring_state, spring_rows[i])
+        generalised[v0 : v0 + 3] = spring_rows[i]
+        cartesian[:] = 0.0
+        ground_contact(
+            body, center, semi_axes, contact_law, stick, step,
+            xpos, xmat, xipos, cvel, center_of_mass, cartesian, wrench_rows[i],
+        )  # fmt: skip
         q_rows[i] = qpos
         v_rows[i] = qvel
-        _mj_step(model, data)
+        _mj_step2(model, data)
         a_rows[i] = qacc
         sensor_rows[i] = sensors
         if not abs(qacc.sum()) < 1e12:  # also true for NaN

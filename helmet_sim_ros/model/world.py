@@ -10,15 +10,12 @@ import numpy as np
 
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.model.anthropometry import anthropometry
-from helmet_sim_ros.model.body import add_body, critically_damped
+from helmet_sim_ros.model.body import BODY_CONTACT, add_body
+from helmet_sim_ros.model.contact import Shapes
 from helmet_sim_ros.model.setup import ImpactSetup
 
-#: Contact impedance: the share of the unconstrained motion a contact removes. Close to 1, so that
-#: the static indentation (1 - d)/d F T^2 / m of the shell stays well below a millimetre.
-IMPEDANCE = (0.99, 0.99, 0.001, 0.5, 2.0)
 HELMET_COLOR = (0.20, 0.36, 0.62, 0.9)
 GROUND_COLOR = (0.55, 0.55, 0.55, 1.0)
-BODY_GROUP, SHELL_GROUP = 1, 2  # contact bit masks: body with ground, shell with ground
 
 #: Part of the helmet in the head frame that faces the ground, before the body is inclined.
 FACING = {
@@ -37,12 +34,14 @@ class World:
     Attributes:
         model, data: MuJoCo's; ``data`` holds the initial state.
         spec: the editable model, for export.
+        shapes: what may touch the ground, the helmet first.
         notes: what a user should know about this setup, in words.
     """
 
     model: mujoco.MjModel
     data: mujoco.MjData
     spec: mujoco.MjSpec
+    shapes: Shapes
     notes: tuple[str, ...]
 
 
@@ -60,8 +59,9 @@ def build(setup: ImpactSetup) -> World:
         add_body(head, setup.rider, body, math.radians(setup.resolved_neck_flexion_deg))
     model = spec.compile()
     data = mujoco.MjData(model)
-    notes = _place(model, data, setup)
-    return World(model, data, spec, notes)
+    shapes = _contact_shapes(model, setup)
+    notes = _place(model, data, shapes, setup)
+    return World(model, data, spec, shapes, notes)
 
 
 def head_to_world(setup: ImpactSetup) -> FloatArray:
@@ -107,20 +107,17 @@ def _empty_world(setup: ImpactSetup) -> mujoco.MjSpec:
     option = spec.option
     option.timestep = setup.time_step
     option.gravity = [0.0, 0.0, -setup.gravity]
-    option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    option.impratio = 10.0
     option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     option.solver = mujoco.mjtSolver.mjSOL_NEWTON
     # A diverged state must be seen, not silently reset.
     option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+    # The ground acts through model/contact.py.
+    option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
     spec.visual.global_.offwidth, spec.visual.global_.offheight = 1920, 1080
-    # Friction of a pair is the larger of the two: the ground has none of its own.
     spec.worldbody.add_geom(
-        name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1], rgba=list(GROUND_COLOR),
-        contype=0, conaffinity=BODY_GROUP | SHELL_GROUP, condim=1, friction=[0, 0, 0],
-        solimp=list(IMPEDANCE), priority=0,
-    )  # fmt: skip
+        name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1], rgba=list(GROUND_COLOR)
+    )
     return spec
 
 
@@ -137,10 +134,7 @@ def _add_helmet(head: mujoco.MjsBody, setup: ImpactSetup) -> None:
     _rigid(shell, share * helmet.mass, center, [share * i for i in helmet.inertia])
     shell.add_geom(
         name="shell", type=mujoco.mjtGeom.mjGEOM_ELLIPSOID, size=list(helmet.shell.semi_axes),
-        pos=center, mass=0.0, contype=SHELL_GROUP, conaffinity=0, condim=3,
-        friction=[setup.friction, 0.005, 0.0001], rgba=list(HELMET_COLOR),
-        solref=list(critically_damped(helmet.shell.contact_time_constant)),
-        solimp=list(IMPEDANCE), priority=1,
+        pos=center, mass=0.0, rgba=list(HELMET_COLOR),
     )  # fmt: skip
     shell.add_site(name="coupling")
     if share < 1.0:
@@ -154,25 +148,42 @@ def _rigid(body: mujoco.MjsBody, mass: float, at: list[float], inertia: list[flo
 
 
 def _add_sensors(spec: mujoco.MjSpec, setup: ImpactSetup) -> None:
-    """Contact and joint wrenches, in the order ``impact.SENSORS`` reads them."""
+    """What helmet and neck transmit; MuJoCo reads what the parent exerts on the child."""
     sensor, site = mujoco.mjtSensor, mujoco.mjtObj.mjOBJ_SITE
-    net, fields = 3, 0b10110  # reduce = netforce; data = force, torque, pos
-    geom, subtree = mujoco.mjtObj.mjOBJ_GEOM, mujoco.mjtObj.mjOBJ_XBODY
-    spec.add_sensor(
-        name="ground_contact", type=sensor.mjSENS_CONTACT, objtype=geom, objname="ground",
-        reftype=geom, refname="shell", intprm=[fields, net, 1],
-    )  # fmt: skip
     spec.add_sensor(name="coupling_torque", type=sensor.mjSENS_TORQUE, objtype=site, objname="coupling")
     if setup.rig == "rider":
         spec.add_sensor(name="neck_force", type=sensor.mjSENS_FORCE, objtype=site, objname="neck_load")
         spec.add_sensor(name="neck_torque", type=sensor.mjSENS_TORQUE, objtype=site, objname="neck_load")
-        spec.add_sensor(
-            name="body_contact", type=sensor.mjSENS_CONTACT, objtype=geom, objname="ground",
-            reftype=subtree, refname="neck", intprm=[0b0010, net, 1],
-        )  # fmt: skip
 
 
-def _place(model: mujoco.MjModel, data: mujoco.MjData, setup: ImpactSetup) -> tuple[str, ...]:
+def _contact_shapes(model: mujoco.MjModel, setup: ImpactSetup) -> Shapes:
+    """The shell, and every geom of the body; a capsule touches with the spheres at its ends."""
+    shell = setup.helmet_config.shell
+    rows = [
+        (int(model.body("helmet").id), shell.center, shell.semi_axes,
+         (shell.contact_stiffness, shell.contact_damping, setup.friction))
+    ]  # fmt: skip
+    for geom in range(model.ngeom):
+        if model.geom(geom).name in ("ground", "shell"):
+            continue
+        body, at = int(model.geom_bodyid[geom]), model.geom_pos[geom]
+        size = model.geom_size[geom]
+        if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_ELLIPSOID:
+            rows.append((body, tuple(at), tuple(size), BODY_CONTACT))
+            continue
+        axis = np.zeros(3)
+        mujoco.mju_rotVecQuat(axis, np.array([0.0, 0.0, size[1]]), model.geom_quat[geom])
+        for end in (at - axis, at + axis):
+            rows.append((body, tuple(end), (size[0],) * 3, BODY_CONTACT))
+    body_ids, centers, axes, laws = zip(*rows, strict=True)
+    return Shapes(
+        np.array(body_ids), np.array(centers, float), np.array(axes, float), np.array(laws, float)
+    )
+
+
+def _place(
+    model: mujoco.MjModel, data: mujoco.MjData, shapes: Shapes, setup: ImpactSetup
+) -> tuple[str, ...]:
     """Set pose and velocity: helmet just touching at the world origin, all moving as one."""
     rotation = head_to_world(setup)
     mujoco.mju_mat2Quat(data.qpos[3:7], rotation.flatten())
@@ -190,7 +201,7 @@ def _place(model: mujoco.MjModel, data: mujoco.MjData, setup: ImpactSetup) -> tu
     data.qvel[1] = setup.tangential_velocity * math.sin(heading)
     data.qvel[2] = -setup.normal_velocity
     mujoco.mj_kinematics(model, data)
-    name, lowest = _lowest_body_part(model, data)
+    name, lowest = _lowest_body_part(model, data, shapes)
     if lowest >= 0.0:
         return ()
     data.qpos[2] -= lowest
@@ -200,19 +211,17 @@ def _place(model: mujoco.MjModel, data: mujoco.MjData, setup: ImpactSetup) -> tu
     )
 
 
-def _lowest_body_part(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[str, float]:
+def _lowest_body_part(
+    model: mujoco.MjModel, data: mujoco.MjData, shapes: Shapes
+) -> tuple[str, float]:
     """Name and height [m] of the lowest point of the body, helmet left out."""
     lowest, name = math.inf, ""
-    for geom in range(model.ngeom):
-        if model.geom_contype[geom] != BODY_GROUP:
-            continue
-        vertical = data.geom_xmat[geom].reshape(3, 3)[2]
-        size = model.geom_size[geom]
-        if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_ELLIPSOID:
-            reach = float(np.linalg.norm(size * vertical))
-        else:  # capsule: radius, half length along its z
-            reach = float(size[0] + size[1] * abs(vertical[2]))
-        height = float(data.geom_xpos[geom, 2]) - reach
+    for body, center, axes in zip(
+        shapes.body[1:], shapes.center[1:], shapes.semi_axes[1:], strict=True
+    ):
+        vertical = data.xmat[body].reshape(3, 3)[2]
+        reach = float(np.linalg.norm(axes * vertical))
+        height = float(data.xpos[body, 2] + vertical @ center) - reach
         if height < lowest:
-            lowest, name = height, model.body(model.geom_bodyid[geom]).name
+            lowest, name = height, model.body(body).name
     return name, lowest
