@@ -1,8 +1,9 @@
-"""The multibody rider below the head, as a tree that hangs on the head.
+"""The multibody rider as a tree with the pelvis as its root and the head as a leaf.
 
-The head is the root of the tree: its pose and acceleration are states of the model, and the
-headform rig is the same tree without a body. Every segment frame has its origin at the segment's
-upper end; all frames are parallel (x forward, y left, z up) when the rider stands upright.
+The root must be heavy and turn slowly: the integrator's error in momentum grows with the mass
+that hangs on a fast turning root (rooted at the head it reached 5 % at a step of 50 us).
+Every segment frame has its origin at the segment's upper end, the head's at its centre of gravity;
+all frames are parallel (x forward, y left, z up) when the rider stands upright.
 
 Joint ranges, stiffnesses and damping outside the neck are general literature values of passive
 human joints; they hold the posture during the few hundredths of a second of an impact and hardly
@@ -18,6 +19,8 @@ import mujoco
 from helmet_sim_ros.model.anthropometry import Anthropometry, Segment
 from helmet_sim_ros.model.setup import Neck, Posture, Rider
 
+Vector = tuple[float, float, float]
+
 X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 FORWARD = (0.0, -1.0, 0.0)  # a positive angle swings what hangs below the joint forwards
 
@@ -30,49 +33,57 @@ OCCIPITAL_SHARE = 0.5  # share of the neck's bending angle taken by the upper jo
 
 
 def add_body(
-    head: mujoco.MjsBody, rider: Rider, body: Anthropometry, neck_flexion: float
+    spec: mujoco.MjSpec, rider: Rider, body: Anthropometry, neck_flexion: float
 ) -> mujoco.MjsBody:
-    """Hang neck, trunk, arms and legs on the head.
+    """Build pelvis, trunk, neck, arms and legs.
 
     Args:
-        head: root body, origin at the head's centre of gravity.
         rider: neck properties and posture.
         body: the rider's segments.
         neck_flexion: head towards the chest at the start [rad].
 
     Returns:
-        The uppermost body, ``neck``, through whose joint the torso acts on the head.
+        The body ``head``, still without mass, jointed to the neck.
     """
-    s = body.segments
-    neck = _segment(head, "neck", (0.0, 0.0, body.head_depth - body.head_joint_depth), s["neck"])
-    share = {"upper": OCCIPITAL_SHARE, "lower": 1.0 - OCCIPITAL_SHARE}
-    _neck_joints(neck, "neck_upper", rider.neck, share["upper"], neck_flexion)
-    neck.add_site(name="neck_load")
+    s, k = body.segments, body.scale
+    pelvis = spec.worldbody.add_body(name="pelvis")
+    pelvis.add_freejoint(name="root")
+    _mass(pelvis, s["lower_trunk"])
+    half = 0.5 * s["lower_trunk"].length
+    _ellipsoid(pelvis, (0.105 * k, 0.165 * k, 1.3 * half), -half)
 
-    thorax = _segment(neck, "thorax", (0.0, 0.0, -s["neck"].length), s["upper_trunk"])
-    axial = _joint(
-        thorax, "neck_axial", Z, NECK_AXIAL_RANGE, rider.neck.axial_stiffness,
-        rider.neck.axial_damping,
-    )  # fmt: skip
-    axial.type = mujoco.mjtJoint.mjJNT_SLIDE
-    _neck_joints(thorax, "neck_lower", rider.neck, share["lower"], neck_flexion)
-    k, half = body.scale, 0.5 * s["upper_trunk"].length
-    _ellipsoid(thorax, (0.11 * k, 0.145 * k, half), -half)
-
-    abdomen = _segment(thorax, "abdomen", (0.0, 0.0, -s["upper_trunk"].length), s["middle_trunk"])
-    _trunk_joints(abdomen, "thoracic", 250.0, 12.0)
+    abdomen = _upwards(pelvis, "abdomen", s["middle_trunk"].length)
+    _mass(abdomen, s["middle_trunk"])
+    _trunk_joints(abdomen, "lumbar", s["middle_trunk"].length, 200.0, 12.0)
     half = 0.5 * s["middle_trunk"].length
     _ellipsoid(abdomen, (0.10 * k, 0.135 * k, 1.1 * half), -half)
 
-    pelvis = _segment(abdomen, "pelvis", (0.0, 0.0, -s["middle_trunk"].length), s["lower_trunk"])
-    _trunk_joints(pelvis, "lumbar", 200.0, 12.0)
-    half = 0.5 * s["lower_trunk"].length
-    _ellipsoid(pelvis, (0.105 * k, 0.165 * k, 1.3 * half), -half)
+    thorax = _upwards(abdomen, "thorax", s["upper_trunk"].length)
+    _mass(thorax, s["upper_trunk"])
+    _trunk_joints(thorax, "thoracic", s["upper_trunk"].length, 250.0, 12.0)
+    half = 0.5 * s["upper_trunk"].length
+    _ellipsoid(thorax, (0.11 * k, 0.145 * k, half), -half)
+
+    neck = _upwards(thorax, "neck", s["neck"].length)
+    _mass(neck, s["neck"])
+    base = (0.0, 0.0, -s["neck"].length)
+    axial = _joint(
+        neck, "neck_axial", Z, NECK_AXIAL_RANGE, rider.neck.axial_stiffness,
+        rider.neck.axial_damping,
+    )  # fmt: skip
+    axial.type = mujoco.mjtJoint.mjJNT_SLIDE
+    _neck_joints(neck, "neck_lower", base, rider.neck, 1.0 - OCCIPITAL_SHARE, neck_flexion)
+
+    joint_to_center = body.head_joint_depth - body.head_depth
+    head = _upwards(neck, "head", joint_to_center)
+    base = (0.0, 0.0, -joint_to_center)
+    _neck_joints(head, "neck_upper", base, rider.neck, OCCIPITAL_SHARE, neck_flexion)
+    head.add_site(name="neck_load", pos=list(base))
 
     for side, sense in (("left", 1.0), ("right", -1.0)):
         _arm(thorax, side, sense, body, rider.posture)
         _leg(pelvis, side, sense, body, rider.posture)
-    return neck
+    return head
 
 
 def _arm(
@@ -125,38 +136,49 @@ def _leg(
 
 
 def _neck_joints(
-    child: mujoco.MjsBody, name: str, neck: Neck, share: float, flexion: float
+    child: mujoco.MjsBody, name: str, at: Vector, neck: Neck, share: float, flexion: float
 ) -> None:
     """Two neck joints in series: each has its share of the angle, so the stiffness over it."""
     bend, twist, damping = (
         value / share for value in (neck.bending_stiffness, neck.torsion_stiffness, neck.damping)
     )
-    # The torso hangs below: head towards the chest turns the torso forwards under the head.
-    _joint(child, f"{name}_flexion", FORWARD, _rad(-75 * share, 65 * share), bend, damping,
-           flexion * share)  # fmt: skip
-    _joint(child, f"{name}_lateral", X, _rad(-45 * share, 45 * share), bend, damping)
-    _joint(child, f"{name}_rotation", Z, _rad(-75 * share, 75 * share), twist, damping)
+    limits = _rad(-75 * share, 65 * share)
+    _joint(child, f"{name}_flexion", Y, limits, bend, damping, flexion * share, at)
+    _joint(child, f"{name}_lateral", X, _rad(-45 * share, 45 * share), bend, damping, at=at)
+    _joint(child, f"{name}_rotation", Z, _rad(-75 * share, 75 * share), twist, damping, at=at)
 
 
-def _trunk_joints(child: mujoco.MjsBody, name: str, stiffness: float, damping: float) -> None:
-    _joint(child, f"{name}_flexion", FORWARD, _rad(-25, 45), stiffness, damping)
-    _joint(child, f"{name}_lateral", X, _rad(-25, 25), stiffness, damping)
-    _joint(child, f"{name}_rotation", Z, _rad(-25, 25), stiffness, damping)
+def _trunk_joints(
+    child: mujoco.MjsBody, name: str, length: float, stiffness: float, damping: float
+) -> None:
+    at = (0.0, 0.0, -length)
+    _joint(child, f"{name}_flexion", Y, _rad(-25, 45), stiffness, damping, at=at)
+    _joint(child, f"{name}_lateral", X, _rad(-25, 25), stiffness, damping, at=at)
+    _joint(child, f"{name}_rotation", Z, _rad(-25, 25), stiffness, damping, at=at)
+
+
+def _upwards(parent: mujoco.MjsBody, name: str, length: float) -> mujoco.MjsBody:
+    """The next segment above; its frame stands ``length`` above the parent's."""
+    return parent.add_body(name=name, pos=[0.0, 0.0, length])
+
+
+def _mass(body: mujoco.MjsBody, segment: Segment) -> None:
+    _inertial(body, segment.mass, (0.0, 0.0, -segment.center), segment.inertia)
 
 
 def _segment(
-    parent: mujoco.MjsBody, name: str, at: tuple[float, float, float], segment: Segment
+    parent: mujoco.MjsBody, name: str, at: Vector, segment: Segment
 ) -> mujoco.MjsBody:
     child = parent.add_body(name=name, pos=list(at))
-    _inertial(child, segment.mass, (0.0, 0.0, -segment.center), segment.inertia)
+    _mass(child, segment)
     return child
 
 
 def _inertial(
     body: mujoco.MjsBody,
     mass: float,
-    center: tuple[float, float, float],
-    inertia: tuple[float, float, float],
+    center: Vector,
+    inertia: Vector,
 ) -> None:
     body.mass, body.ipos, body.inertia = mass, list(center), list(inertia)
     body.explicitinertial = True
@@ -165,14 +187,15 @@ def _inertial(
 def _joint(
     child: mujoco.MjsBody,
     name: str,
-    axis: tuple[float, float, float],
+    axis: Vector,
     limits: tuple[float, float],
     stiffness: float,
     damping: float,
     rest: float = 0.0,
+    at: Vector = (0.0, 0.0, 0.0),
 ) -> mujoco.MjsJoint:
     """A sprung, damped hinge, at rest in the posture of the first touch."""
-    joint = child.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=list(axis))
+    joint = child.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=list(axis), pos=list(at))
     joint.range, joint.limited = list(limits), mujoco.mjtLimited.mjLIMITED_TRUE
     joint.stiffness, joint.damping = [stiffness, 0.0, 0.0], [damping, 0.0, 0.0]
     joint.springref = rest
@@ -181,7 +204,7 @@ def _joint(
     return joint
 
 
-def _ellipsoid(body: mujoco.MjsBody, size: tuple[float, float, float], height: float) -> None:
+def _ellipsoid(body: mujoco.MjsBody, size: Vector, height: float) -> None:
     body.add_geom(type=mujoco.mjtGeom.mjGEOM_ELLIPSOID, size=list(size), pos=[0, 0, height], mass=0.0, rgba=list(BODY_COLOR))
 
 

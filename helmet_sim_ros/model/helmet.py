@@ -27,7 +27,7 @@ class Shell(Config):
     )  # fmt: skip
     contact_stiffness: float = quantity(
         "normal stiffness of the shell on the ground (local bending of the shell)",
-        "N/m", 3e6, ge=1e4, le=1e8,
+        "N/m", 2e6, ge=1e4, le=1e8,
     )  # fmt: skip
     contact_damping: float = quantity(
         "damping c of the normal force k d (1 + c d')", "s/m", 0.15, ge=0.0, le=5.0

@@ -40,6 +40,7 @@ def advance(  # noqa: PLR0913 - flat arrays are what compiled code takes
     model: int,
     data: int,
     step: float,
+    substeps: int,
     first: int,
     last: int,
     states: tuple[FloatArray, ...],
@@ -54,14 +55,15 @@ def advance(  # noqa: PLR0913 - flat arrays are what compiled code takes
 
     Args:
         model, data: addresses of mjModel and mjData.
-        step: time step [s].
+        step: integration step [s].
+        substeps: integration steps per sample.
         states: views of qpos, qvel, qacc, sensordata.
         frames: views of xpos, xmat, xipos, cvel and the row of subtree_com of the tree's root.
         forces: views of qfrc_applied and xfrc_applied.
         slides: index of the first coupling slide in qpos and in qvel.
         spring: law table, energy loss, state; see :mod:`helmet_sim_ros.model.coupling`.
         shapes: body, centre, semi-axes, law, stick; see :mod:`helmet_sim_ros.model.contact`.
-        samples: rows of qpos, qvel, qacc, sensordata, spring force (3) and the ground's two
+        samples: rows of qpos, qvel, sensordata, spring force (3) and the ground's two
             wrenches (2, 6) to write.
 
     Returns:
@@ -72,22 +74,28 @@ def advance(  # noqa: PLR0913 - flat arrays are what compiled code takes
     generalised, cartesian = forces
     law, energy_loss, spring_state = spring
     body, center, semi_axes, contact_law, stick = shapes
-    q_rows, v_rows, a_rows, sensor_rows, spring_rows, wrench_rows = samples
+    q_rows, v_rows, sensor_rows, spring_rows, wrench_rows = samples
     q0, v0 = slides
+    scratch_force, scratch_wrench = np.zeros(3), np.zeros((2, 6))
     for i in range(first, last):
-        _mj_step1(model, data)
-        spring_force(qpos[q0 : q0 + 3], law, energy_loss, spring_state, spring_rows[i])
-        generalised[v0 : v0 + 3] = spring_rows[i]
-        cartesian[:] = 0.0
-        ground_contact(
-            body, center, semi_axes, contact_law, stick, step,
-            xpos, xmat, xipos, cvel, center_of_mass, cartesian, wrench_rows[i],
-        )  # fmt: skip
-        q_rows[i] = qpos
-        v_rows[i] = qvel
-        _mj_step2(model, data)
-        a_rows[i] = qacc
-        sensor_rows[i] = sensors
-        if not abs(qacc.sum()) < 1e12:  # also true for NaN
-            return i
+        for substep in range(substeps):
+            sampled = substep == 0
+            force = spring_rows[i] if sampled else scratch_force
+            wrench = wrench_rows[i] if sampled else scratch_wrench
+            _mj_step1(model, data)
+            spring_force(qpos[q0 : q0 + 3], law, energy_loss, spring_state, force)
+            generalised[v0 : v0 + 3] = force
+            cartesian[:] = 0.0
+            ground_contact(
+                body, center, semi_axes, contact_law, stick, step,
+                xpos, xmat, xipos, cvel, center_of_mass, cartesian, wrench,
+            )  # fmt: skip
+            if sampled:
+                q_rows[i] = qpos
+                v_rows[i] = qvel
+            _mj_step2(model, data)
+            if sampled:
+                sensor_rows[i] = sensors
+            if not abs(qacc.sum()) < 1e12:  # also true for NaN
+                return i
     return last

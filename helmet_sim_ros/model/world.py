@@ -48,15 +48,16 @@ class World:
 def build(setup: ImpactSetup) -> World:
     """Compile the model of a setup and place it at the first touch of the ground."""
     spec = _empty_world(setup)
-    head = spec.worldbody.add_body(name="head")
-    head.add_freejoint(name="head")
     body = anthropometry(setup.rider)
+    if setup.rig == "rider":
+        head = add_body(spec, setup.rider, body, math.radians(setup.resolved_neck_flexion_deg))
+    else:
+        head = spec.worldbody.add_body(name="head")
+        head.add_freejoint(name="root")
     segment = body.segments["head"]
-    head.mass, head.inertia, head.explicitinertial = segment.mass, list(segment.inertia), True
+    _rigid(head, segment.mass, [0.0, 0.0, 0.0], list(segment.inertia))
     _add_helmet(head, setup)
     _add_sensors(spec, setup)
-    if setup.rig == "rider":
-        add_body(head, setup.rider, body, math.radians(setup.resolved_neck_flexion_deg))
     model = spec.compile()
     data = mujoco.MjData(model)
     shapes = _contact_shapes(model, setup)
@@ -105,7 +106,7 @@ def _empty_world(setup: ImpactSetup) -> mujoco.MjSpec:
     spec.modelname = "impact"
     spec.compiler.degree = False
     option = spec.option
-    option.timestep = setup.time_step
+    option.timestep = setup.time_step / setup.substeps
     option.gravity = [0.0, 0.0, -setup.gravity]
     option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
@@ -148,12 +149,24 @@ def _rigid(body: mujoco.MjsBody, mass: float, at: list[float], inertia: list[flo
 
 
 def _add_sensors(spec: mujoco.MjSpec, setup: ImpactSetup) -> None:
-    """What helmet and neck transmit; MuJoCo reads what the parent exerts on the child."""
-    sensor, site = mujoco.mjtSensor, mujoco.mjtObj.mjOBJ_SITE
-    spec.add_sensor(name="coupling_torque", type=sensor.mjSENS_TORQUE, objtype=site, objname="coupling")
+    """Motion of the head frame, and what helmet and neck transmit (MuJoCo: parent on child)."""
+    kind, frame, site = mujoco.mjtSensor, mujoco.mjtObj.mjOBJ_XBODY, mujoco.mjtObj.mjOBJ_SITE
+    sensors = [
+        ("head_position", kind.mjSENS_FRAMEPOS, frame, "head"),
+        ("head_orientation", kind.mjSENS_FRAMEQUAT, frame, "head"),
+        ("head_velocity", kind.mjSENS_FRAMELINVEL, frame, "head"),
+        ("head_angular_velocity", kind.mjSENS_FRAMEANGVEL, frame, "head"),
+        ("head_specific_force", kind.mjSENS_FRAMELINACC, frame, "head"),
+        ("head_angular_acceleration", kind.mjSENS_FRAMEANGACC, frame, "head"),
+        ("coupling_torque", kind.mjSENS_TORQUE, site, "coupling"),
+    ]
     if setup.rig == "rider":
-        spec.add_sensor(name="neck_force", type=sensor.mjSENS_FORCE, objtype=site, objname="neck_load")
-        spec.add_sensor(name="neck_torque", type=sensor.mjSENS_TORQUE, objtype=site, objname="neck_load")
+        sensors += [
+            ("neck_force", kind.mjSENS_FORCE, site, "neck_load"),
+            ("neck_torque", kind.mjSENS_TORQUE, site, "neck_load"),
+        ]
+    for name, sensor, objtype, objname in sensors:
+        spec.add_sensor(name=name, type=sensor, objtype=objtype, objname=objname)
 
 
 def _contact_shapes(model: mujoco.MjModel, setup: ImpactSetup) -> Shapes:
@@ -186,7 +199,6 @@ def _place(
 ) -> tuple[str, ...]:
     """Set pose and velocity: helmet just touching at the world origin, all moving as one."""
     rotation = head_to_world(setup)
-    mujoco.mju_mat2Quat(data.qpos[3:7], rotation.flatten())
     for j in range(model.njnt):
         if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE:
             # A spring at rest: posture and neck flexion are the springs' reference angles.
@@ -195,12 +207,11 @@ def _place(
     down = rotation.T @ np.array([0.0, 0.0, -1.0])
     axes = np.array(shell.semi_axes)
     touch = np.array(shell.center) + axes**2 * down / np.linalg.norm(axes * down)
-    data.qpos[0:3] = -rotation @ touch
+    place_head(model, data, -rotation @ touch, rotation)
     heading = math.radians(setup.tangential_heading_deg)
     data.qvel[0] = setup.tangential_velocity * math.cos(heading)
     data.qvel[1] = setup.tangential_velocity * math.sin(heading)
     data.qvel[2] = -setup.normal_velocity
-    mujoco.mj_kinematics(model, data)
     name, lowest = _lowest_body_part(model, data, shapes)
     if lowest >= 0.0:
         return ()
@@ -209,6 +220,24 @@ def _place(
         f"{name} touches the ground first, the helmet starts {-lowest * 1e3:.1f} mm above it; "
         "a larger body_angle_deg lets the helmet strike first",
     )
+
+
+def place_head(
+    model: mujoco.MjModel, data: mujoco.MjData, position: FloatArray, rotation: FloatArray
+) -> None:
+    """Move the whole tree, joints as they are, so that the head frame has the given pose.
+
+    Args:
+        position: of the head's centre of gravity, shape (3,) [m].
+        rotation: head to world, shape (3, 3).
+    """
+    data.qpos[0:7] = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+    mujoco.mj_kinematics(model, data)
+    head = data.body("head")
+    root = rotation @ head.xmat.reshape(3, 3).T
+    data.qpos[0:3] = position - root @ head.xpos
+    mujoco.mju_mat2Quat(data.qpos[3:7], root.flatten())
+    mujoco.mj_kinematics(model, data)
 
 
 def _lowest_body_part(

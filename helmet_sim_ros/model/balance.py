@@ -1,0 +1,74 @@
+"""Momentum and energy of a recorded impact, recomputed from its samples: checks on the solver."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from helmet_sim_ros.biomech.record import FloatArray
+from helmet_sim_ros.model.coupling import recoverable_energy
+from helmet_sim_ros.model.impact import Impact
+
+
+@dataclass(frozen=True)
+class Balance:
+    """Histories over the samples of one impact.
+
+    Attributes:
+        momentum: of the whole system, world axes, shape (n, 3) [N s].
+        impulse: integral of ground forces and gravity since the first sample, (n, 3) [N s].
+        kinetic: [J], (n,).
+        potential: gravity and joint springs [J], (n,).
+        coupling: what the coupling spring would still give back [J], (n,).
+    """
+
+    momentum: FloatArray
+    impulse: FloatArray
+    kinetic: FloatArray
+    potential: FloatArray
+    coupling: FloatArray
+
+    @property
+    def momentum_error(self) -> float:
+        """Largest |change of momentum - impulse| over the largest |change of momentum| [-]."""
+        change = self.momentum - self.momentum[0]
+        error = np.linalg.norm(change - self.impulse, axis=1).max()
+        return float(error / np.linalg.norm(change, axis=1).max())
+
+    @property
+    def mechanical(self) -> FloatArray:
+        """Kinetic, potential and recoverable energy [J], (n,)."""
+        return self.kinetic + self.potential + self.coupling
+
+    @property
+    def energy_growth(self) -> float:
+        """Largest rise of the mechanical energy above its lowest value so far, over the initial
+        kinetic energy [-]."""
+        energy = self.mechanical
+        return float((energy - np.minimum.accumulate(energy)).max() / self.kinetic[0])
+
+
+def balance(impact: Impact) -> Balance:
+    """Momentum and energy of the finished samples of an impact."""
+    model, record = impact.model, impact.record()
+    data = mujoco.MjData(model)
+    n = len(record)
+    momentum, kinetic, potential = np.zeros((n, 3)), np.zeros(n), np.zeros(n)
+    mass = float(model.body_subtreemass[1])
+    for i, (position, velocity) in enumerate(impact.states()):
+        data.qpos[:], data.qvel[:] = position, velocity
+        mujoco.mj_fwdPosition(model, data)
+        mujoco.mj_fwdVelocity(model, data)
+        mujoco.mj_energyPos(model, data)
+        mujoco.mj_energyVel(model, data)
+        mujoco.mj_subtreeVel(model, data)
+        momentum[i] = mass * data.subtree_linvel[1]
+        potential[i], kinetic[i] = data.energy
+    force = record.ground_force + record.body_ground_force + mass * model.opt.gravity
+    steps = 0.5 * (force[1:] + force[:-1]) * record.time_step
+    impulse = np.vstack([np.zeros(3), np.cumsum(steps, axis=0)])
+    spring = impact.setup.helmet_config.spring
+    stored = recoverable_energy(record.coupling_displacement, spring)
+    return Balance(momentum, impulse, kinetic, potential, stored)

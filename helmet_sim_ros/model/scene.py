@@ -1,0 +1,85 @@
+"""What an impact looks like: the shapes of rider, helmet and ground, and where they are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from helmet_sim_ros.biomech.record import FloatArray, ImpactRecord
+from helmet_sim_ros.model.setup import ImpactSetup
+from helmet_sim_ros.model.world import build, place_head
+
+_KINDS = {
+    int(mujoco.mjtGeom.mjGEOM_ELLIPSOID): "ellipsoid",
+    int(mujoco.mjtGeom.mjGEOM_CAPSULE): "capsule",
+}
+_HEAD_SIZE = (0.095, 0.075, 0.115)  # m, semi-axes of the drawn head (it carries no contact)
+
+
+@dataclass(frozen=True)
+class SceneShape:
+    """One shape to draw.
+
+    Attributes:
+        name: of the body it belongs to.
+        kind: ``ellipsoid`` (size: semi-axes) or ``capsule`` (size: radius, half length along z, 0).
+        size: [m].
+        color: red, green, blue, opacity.
+    """
+
+    name: str
+    kind: str
+    size: tuple[float, float, float]
+    color: tuple[float, float, float, float]
+
+
+class Scene:
+    """The shapes of one setup, posed from a record (live, or read from a log).
+
+    Attributes:
+        setup: the impact setup.
+        shapes: what to draw, besides the ground plane z = 0.
+        model, data: MuJoCo's, posed by :meth:`pose`; for renderers.
+    """
+
+    def __init__(self, setup: ImpactSetup) -> None:
+        self.setup = setup
+        world = build(setup)
+        self.model, self.data = world.model, world.data
+        model = self.model
+        self._geoms = [g for g in range(model.ngeom) if model.geom(g).name != "ground"]
+        drawn = [
+            SceneShape(
+                model.body(model.geom_bodyid[g]).name,
+                _KINDS[int(model.geom_type[g])],
+                tuple(float(v) for v in model.geom_size[g]),  # type: ignore[arg-type]
+                tuple(float(v) for v in model.geom_rgba[g]),  # type: ignore[arg-type]
+            )
+            for g in self._geoms
+        ]
+        head = SceneShape("head", "ellipsoid", _HEAD_SIZE, (0.85, 0.70, 0.60, 1.0))
+        self.shapes = (head, *drawn)
+
+    def pose(self, record: ImpactRecord, index: int) -> None:
+        """Put ``data`` into the pose of one sample of a record of this setup."""
+        qpos, model = self.data.qpos, self.model
+        first = int(model.joint("coupling_x").qposadr[0])
+        qpos[first : first + 3] = record.coupling_displacement[index]
+        for name, value in zip(record.joint_names, record.joint_positions[index], strict=True):
+            qpos[int(model.joint(name).qposadr[0])] = value
+        rotation = np.empty(9)
+        mujoco.mju_quat2Mat(rotation, record.head_orientation[index][[3, 0, 1, 2]])
+        place_head(model, self.data, record.head_position[index], rotation.reshape(3, 3))
+
+    def poses(self, record: ImpactRecord, index: int) -> tuple[FloatArray, FloatArray]:
+        """Positions (n, 3) [m] and orientations x, y, z, w (n, 4) of ``shapes``, world axes."""
+        self.pose(record, index)
+        head = self.data.body("head")
+        positions = np.vstack([head.xpos, self.data.geom_xpos[self._geoms]])
+        quaternions = np.empty((len(self.shapes), 4))
+        quaternions[0] = head.xquat
+        for row, geom in enumerate(self._geoms, start=1):
+            mujoco.mju_mat2Quat(quaternions[row], self.data.geom_xmat[geom])
+        return positions, quaternions[:, [1, 2, 3, 0]]
