@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from helmet_sim_ros.biomech.record import FloatArray
+from helmet_sim_ros.model.contact import STIFFNESS, TANGENTIAL_SHARE
 from helmet_sim_ros.model.coupling import recoverable_energy
 from helmet_sim_ros.model.impact import Impact
 
@@ -22,6 +23,8 @@ class Balance:
         kinetic: [J], (n,).
         potential: gravity and joint springs [J], (n,).
         coupling: what the coupling spring would still give back [J], (n,).
+        contact: elastic energy of the ground contacts [J], (n,); of the friction's stick
+            deflection only the helmet's, from its force.
     """
 
     momentum: FloatArray
@@ -29,6 +32,7 @@ class Balance:
     kinetic: FloatArray
     potential: FloatArray
     coupling: FloatArray
+    contact: FloatArray
 
     @property
     def momentum_error(self) -> float:
@@ -39,8 +43,8 @@ class Balance:
 
     @property
     def mechanical(self) -> FloatArray:
-        """Kinetic, potential and recoverable energy [J], (n,)."""
-        return self.kinetic + self.potential + self.coupling
+        """Kinetic, potential and every recoverable energy [J], (n,)."""
+        return self.kinetic + self.potential + self.coupling + self.contact
 
     @property
     def energy_growth(self) -> float:
@@ -55,7 +59,7 @@ def balance(impact: Impact) -> Balance:
     model, record = impact.model, impact.record()
     data = mujoco.MjData(model)
     n = len(record)
-    momentum, kinetic, potential = np.zeros((n, 3)), np.zeros(n), np.zeros(n)
+    momentum, kinetic, potential, contact = np.zeros((n, 3)), np.zeros(n), np.zeros(n), np.zeros(n)
     mass = float(model.body_subtreemass[1])
     for i, (position, velocity) in enumerate(impact.states()):
         data.qpos[:], data.qvel[:] = position, velocity
@@ -66,9 +70,13 @@ def balance(impact: Impact) -> Balance:
         mujoco.mj_subtreeVel(model, data)
         momentum[i] = mass * data.subtree_linvel[1]
         potential[i], kinetic[i] = data.energy
+        depth = -np.minimum(impact.shapes.lowest_points(data.xpos, data.xmat), 0.0)
+        contact[i] = 0.5 * impact.shapes.law[:, STIFFNESS] @ depth**2
     force = record.ground_force + record.body_ground_force + mass * model.opt.gravity
     steps = 0.5 * (force[1:] + force[:-1]) * record.time_step
     impulse = np.vstack([np.zeros(3), np.cumsum(steps, axis=0)])
     spring = impact.setup.helmet_config.spring
     stored = recoverable_energy(record.coupling_displacement, spring)
-    return Balance(momentum, impulse, kinetic, potential, stored)
+    friction = np.linalg.norm(record.ground_force[:, :2], axis=1)
+    contact += 0.5 * friction**2 / (TANGENTIAL_SHARE * impact.shapes.law[0, STIFFNESS])
+    return Balance(momentum, impulse, kinetic, potential, stored, contact)

@@ -46,6 +46,19 @@ class Shapes:
         """No stick deflection yet: (n, 2) [m], world x and y."""
         return np.zeros((len(self.body), 2))
 
+    def lowest_points(self, xpos: FloatArray, xmat: FloatArray) -> FloatArray:
+        """Height of each shape's lowest point above the ground, shape (n,) [m].
+
+        Args:
+            xpos, xmat: MuJoCo's body positions (bodies, 3) and rotations (bodies, 9).
+        """
+        vertical = xmat[self.body, 6:9]
+        reach = np.linalg.norm(self.semi_axes * vertical, axis=1)
+        heights: FloatArray = (
+            xpos[self.body, 2] + np.einsum("ij,ij->i", vertical, self.center) - reach
+        )
+        return heights
+
 
 @njit(cache=True, nogil=True)
 def normal_force(stiffness: float, damping: float, depth: float, rate: float) -> float:

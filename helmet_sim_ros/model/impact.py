@@ -46,6 +46,7 @@ class Impact:
         setup: the impact setup.
         total: number of samples of the whole impact.
         labels: column names of :meth:`block`.
+        shapes: what may touch the ground, the helmet first.
         notes: what a user should know about this setup, in words.
     """
 
@@ -59,7 +60,7 @@ class Impact:
         self._columns = _Columns(model)
         self.labels = block_labels(self._columns.joints)
         spring = setup.helmet_config.spring
-        shapes = world.shapes
+        self.shapes = shapes = world.shapes
         data = self._data
         # Views of MuJoCo's arrays and the history of spring and contacts, as the loop takes them.
         self._states = (data.qpos, data.qvel, data.qacc, data.sensordata)

@@ -244,13 +244,8 @@ def _lowest_body_part(
     model: mujoco.MjModel, data: mujoco.MjData, shapes: Shapes
 ) -> tuple[str, float]:
     """Name and height [m] of the lowest point of the body, helmet left out."""
-    lowest, name = math.inf, ""
-    for body, center, axes in zip(
-        shapes.body[1:], shapes.center[1:], shapes.semi_axes[1:], strict=True
-    ):
-        vertical = data.xmat[body].reshape(3, 3)[2]
-        reach = float(np.linalg.norm(axes * vertical))
-        height = float(data.xpos[body, 2] + vertical @ center) - reach
-        if height < lowest:
-            lowest, name = height, model.body(body).name
-    return name, lowest
+    heights = shapes.lowest_points(data.xpos, data.xmat)[1:]
+    if not len(heights):
+        return "", math.inf
+    lowest = int(heights.argmin())
+    return model.body(shapes.body[1 + lowest]).name, float(heights[lowest])
