@@ -101,7 +101,7 @@ class Config(BaseModel):
 
 def quantity(description: str, unit: str, default: Any = ..., **rules: float) -> Any:
     """A field that states what it means, its unit and its range (``ge``, ``gt``, ``le``)."""
-    return Field(default, description=description, json_schema_extra={"unit": unit}, **rules)  # type: ignore[arg-type]
+    return Field(default, description=description, json_schema_extra={"unit": unit}, **rules)  # type: ignore[call-overload]
 
 
 def leaves(model: type[Config], prefix: str = "") -> list[Leaf]:
@@ -198,6 +198,8 @@ def _problems(model: type[Config], error: ValidationError) -> Iterator[Problem]:
         if isinstance(cause, SetupError):  # from a nested configuration, or a validator
             for problem in cause.problems:
                 key = f"{path}.{problem.key}" if path else problem.key
+                if cause.source:  # the file that a value of ours names is the one to mend
+                    key = f"{cause.source}: {problem.key}"
                 yield Problem(key, problem.value, problem.allowed)
         elif item["type"] == "extra_forbidden":
             known = {leaf.name for leaf in leaves(model)} | set(model.model_fields)

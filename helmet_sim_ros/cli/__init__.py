@@ -20,6 +20,12 @@ from helmet_sim_ros.errors import HelmetSimError, LogError, PulseError, SetupErr
 BAD_INPUT = (SetupError, PulseError, LogError)
 
 
+class BadInput(click.ClickException):
+    """What the user gave is refused; nothing was run."""
+
+    exit_code = 2
+
+
 class Verbs(click.Group):
     """The verbs found beside this file, loaded when used."""
 
@@ -43,9 +49,8 @@ class Verbs(click.Group):
         try:
             return super().invoke(ctx)
         except HelmetSimError as error:
-            failure = click.ClickException(str(error))
-            failure.exit_code = 2 if isinstance(error, BAD_INPUT) else 1
-            raise failure from error
+            kind = BadInput if isinstance(error, BAD_INPUT) else click.ClickException
+            raise kind(str(error)) from error
 
 
 def _first_line(verb: str) -> str:

@@ -43,9 +43,9 @@ class ScenarioFile(Config):
     name: str = Field("", description="name of the scenario; unset: the file's name")
     description: str = Field("", description="what is simulated, and what is left out")
     reference: str | None = Field(None, description="published table in config/references")
-    common: dict[str, Any] = Field(default_factory=dict, description="values of every case")
-    cases: tuple[dict[str, Any], ...] = Field((), description="one mapping of values per case")
-    product: dict[str, Any] = Field(default_factory=dict, description="name -> value or list")
+    common: dict[Any, Any] = Field(default_factory=dict, description="values of every case")
+    cases: tuple[dict[Any, Any], ...] = Field((), description="one mapping of values per case")
+    product: dict[Any, Any] = Field(default_factory=dict, description="name -> value or list")
 
 
 @dataclass(frozen=True)

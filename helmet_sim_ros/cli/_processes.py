@@ -1,0 +1,148 @@
+"""The four nodes as child processes that never outlive the command that started them."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import FrameType, TracebackType
+from typing import Any
+
+import yaml
+
+from helmet_sim_ros.errors import NodeError
+
+NODES = ("simulation", "evaluator", "recorder", "scenario")
+
+#: How long a node may take after SIGINT, then after SIGTERM, before it is killed [s]. A recorder
+#: finishes its log after SIGINT.
+PATIENCE = (10.0, 3.0)
+
+
+def local_discovery(domain_id: int | None = None) -> None:
+    """Keep ROS traffic of this process and its children on this host, unless the user chose.
+
+    Args:
+        domain_id: the ROS domain; None: ``ROS_DOMAIN_ID`` as it is.
+    """
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    if domain_id is not None:
+        os.environ["ROS_DOMAIN_ID"] = str(domain_id)
+
+
+@contextmanager
+def termination_as_interrupt() -> Iterator[None]:
+    """SIGTERM and SIGHUP unwind the stack like Ctrl-C, so that children get stopped."""
+
+    def interrupt(signum: int, frame: FrameType | None) -> None:
+        raise KeyboardInterrupt
+
+    kinds = (signal.SIGTERM, signal.SIGHUP)
+    before = {kind: signal.signal(kind, interrupt) for kind in kinds}
+    try:
+        yield
+    finally:
+        for kind, handler in before.items():
+            signal.signal(kind, handler)
+
+
+class NodeProcesses:
+    """Starts the nodes on entry and stops them, whatever happened, on exit.
+
+    Args:
+        parameters: node name -> parameter name -> value.
+        quiet: write what the nodes say to a file that errors quote, not to the terminal.
+    """
+
+    def __init__(self, parameters: Mapping[str, Mapping[str, Any]], quiet: bool = True) -> None:
+        self._parameters = parameters
+        self._quiet = quiet
+        self._running: dict[str, subprocess.Popen[bytes]] = {}
+        self._output = ExitStack()
+        self._folder = Path(self._output.enter_context(TemporaryDirectory(prefix="helmet-sim-")))
+
+    def __enter__(self) -> NodeProcesses:
+        try:
+            for name in NODES:
+                self._start(name)
+        except BaseException:
+            self.stop()
+            raise
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.stop()
+
+    def check(self) -> None:
+        """Raise a :class:`NodeError` if a node has ended, with the last lines it wrote."""
+        for name, process in self._running.items():
+            if process.poll() is not None:
+                raise NodeError(
+                    f"the {name} node ended with exit code {process.returncode}{self._said(name)}"
+                )
+
+    def stop(self) -> None:
+        """End every node: SIGINT, then SIGTERM, then SIGKILL; safe to call again."""
+        try:
+            for kind, patience in zip((signal.SIGINT, signal.SIGTERM), PATIENCE, strict=True):
+                self._signal(kind)
+                self._wait(patience)
+        finally:  # also when the user presses Ctrl-C once more
+            self._signal(signal.SIGKILL)
+            self._wait(None)
+            self._running.clear()
+            self._output.close()
+
+    def _start(self, name: str) -> None:
+        settings = self._folder / f"{name}.yaml"
+        values = {"/**": {"ros__parameters": dict(self._parameters.get(name, {}))}}
+        settings.write_text(yaml.safe_dump(values), encoding="utf-8")
+        output = None
+        if self._quiet:
+            output = self._output.enter_context(settings.with_suffix(".txt").open("wb"))
+        self._running[name] = subprocess.Popen(
+            [sys.executable, "-m", f"helmet_sim_ros.nodes.{name}_node",
+             "--ros-args", "--params-file", str(settings)],
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=output and subprocess.STDOUT,
+            start_new_session=True,  # Ctrl-C reaches the nodes through stop(), in its order
+            preexec_fn=_end_with_parent if sys.platform == "linux" else None,
+        )  # fmt: skip
+
+    def _wait(self, seconds: float | None) -> None:
+        """Until every node has ended, or the time is up."""
+        deadline = None if seconds is None else time.monotonic() + seconds
+        for process in self._running.values():
+            left = None if deadline is None else max(0.0, deadline - time.monotonic())
+            with suppress(subprocess.TimeoutExpired):
+                process.wait(left)
+
+    def _signal(self, kind: signal.Signals) -> None:
+        for process in self._running.values():
+            if process.poll() is None:
+                os.killpg(process.pid, kind)
+
+    def _said(self, name: str) -> str:
+        if not self._quiet:
+            return ""
+        text = (self._folder / f"{name}.txt").read_text(encoding="utf-8", errors="replace")
+        lines = [line for line in text.splitlines() if line.strip()][-3:]
+        return ": " + " | ".join(lines) if lines else ""
+
+
+def _end_with_parent() -> None:
+    """Have the kernel interrupt this process when its parent dies, even by SIGKILL."""
+    ctypes.CDLL(None).prctl(1, signal.SIGINT)  # 1: PR_SET_PDEATHSIG

@@ -1,0 +1,93 @@
+"""Ask running nodes for one impact and print the result."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from typing import Any
+
+import click
+from rich.console import Console
+
+from helmet_sim_ros.cli._client import call, ros_client, wait_for_service
+from helmet_sim_ros.cli._options import domain_option
+from helmet_sim_ros.cli._processes import local_discovery
+from helmet_sim_ros.errors import NodeError
+from helmet_sim_ros.model.setup import setup_from_names, setup_leaves
+from helmet_sim_ros.schema import Leaf
+from helmet_sim_ros.study.overrides import parse_overrides
+
+
+@click.group()
+def command() -> None:
+    """Call a running simulation (helmet-sim up, or ros2 run)."""
+
+
+def option_name(leaf: Leaf) -> str:
+    """``impact.normal_velocity`` -> ``--normal-velocity``, ``rider.mass`` -> ``--rider-mass``."""
+    name = re.sub(r"^(impact|sim)\.", "", leaf.name)
+    return "--" + re.sub(r"[._]", "-", name)
+
+
+def setup_options(function: Callable[..., None]) -> Callable[..., None]:
+    """One option for each value of the impact setup."""
+    for leaf in reversed(setup_leaves()):
+        kind: Any = {float: float, int: int, bool: bool}.get(leaf.type, str)
+        if leaf.choices:
+            kind = click.Choice([*leaf.choices, *(["side"] if "left" in leaf.choices else [])])
+        function = click.option(
+            option_name(leaf), leaf.name.replace(".", "__"), type=kind,
+            metavar=None if leaf.choices else "VALUE",
+            help=leaf.description if leaf.choices else f"{leaf.description}; {leaf.allowed}",
+        )(function)  # fmt: skip
+    return function
+
+
+@command.command()
+@setup_options
+@click.option("--helmet", "helmet__name", help="name in config/helmets, or path to a YAML file")
+@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE",
+              help="any dotted name, e.g. helmet.liner.density=60")  # fmt: skip
+@click.option("--namespace", default="", help="namespace of the nodes")
+@click.option("--timeout", default=120.0, show_default=True, help="longest wait for it [s]")
+@domain_option
+def impact(
+    overrides: tuple[str, ...],
+    namespace: str,
+    timeout: float,
+    domain_id: int | None,
+    **options: Any,
+) -> None:
+    """Set what is given on the running simulation, run one impact, print the answer.
+
+    Values that are not given stay as they are on the simulation node.
+    """
+    given = {name: value for name, value in options.items() if value is not None}
+    values = {name.replace("__", "."): value for name, value in given.items()}
+    values |= parse_overrides(overrides)
+    setup_from_names(values)  # refuse bad input before anyone is asked
+
+    local_discovery(domain_id)
+    with ros_client() as node:
+        from rcl_interfaces.srv import SetParametersAtomically
+        from rclpy.parameter import Parameter
+        from std_srvs.srv import Trigger
+
+        prefix = f"/{namespace.strip('/')}/simulation".replace("//", "/")
+        change = node.create_client(SetParametersAtomically, f"{prefix}/set_parameters_atomically")
+        run = node.create_client(Trigger, f"{prefix}/run_impact")
+        for client in (change, run):
+            wait_for_service(node, client, min(timeout, 5.0))
+        if values:
+            request = SetParametersAtomically.Request(
+                parameters=[Parameter(k, value=v).to_parameter_msg() for k, v in values.items()]
+            )
+            result = call(node, change, request, timeout).result
+            if not result.successful:
+                raise NodeError(f"the simulation refused the values: {result.reason}")
+        answer = call(node, run, Trigger.Request(), timeout)
+    if not answer.success:
+        raise NodeError(f"no impact: {answer.message}")
+    for key, value in json.loads(answer.message).items():
+        Console(highlight=False).print(f"{key}: {value}", soft_wrap=True)

@@ -1,0 +1,142 @@
+"""Run a scenario through the ROS 2 nodes: progress, table, log."""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import click
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from helmet_sim_ros.cli._client import call, ros_client, wait_for_service
+from helmet_sim_ros.cli._options import domain_option
+from helmet_sim_ros.cli._processes import (
+    NodeProcesses,
+    local_discovery,
+    termination_as_interrupt,
+)
+from helmet_sim_ros.errors import LogError, NodeError
+
+#: How long the nodes may take until they answer [s]; a loaded machine needs a few.
+START_TIMEOUT = 60.0
+
+
+@click.command()
+@click.argument("scenario")
+@click.option("--output", default="logs", show_default=True, metavar="DIR",
+              type=click.Path(path_type=Path), help="Where the log goes.")  # fmt: skip
+@click.option("--override", "-o", "overrides", multiple=True, metavar="KEY=VALUE",
+              help="Replace a value in every case, e.g. impact.friction=0.3, helmet=fullface or "
+              "helmet.liner.density=60.")  # fmt: skip
+@click.option("--standard", help="Judge by config/standards/NAME.yaml or a path.  [default: "
+              "ECE R22.05]")  # fmt: skip
+@click.option("--all-criteria", is_flag=True, help="Show every criterion of every case.")
+@domain_option
+def command(
+    scenario: str,
+    output: Path,
+    overrides: tuple[str, ...],
+    standard: str | None,
+    all_criteria: bool,
+    domain_id: int | None,
+) -> None:
+    """Run every case of SCENARIO, a name in config/scenarios or a path to a YAML file.
+
+    Exit code 0: every case was evaluated; 1: not all; 2: bad input, nothing was started.
+    """
+    from helmet_sim_ros.biomech.standards import DEFAULT_STANDARD, load_standard
+    from helmet_sim_ros.study import load_scenario
+    from helmet_sim_ros.study.overrides import parse_overrides
+
+    console = Console(highlight=False)
+    plan = load_scenario(scenario, overrides=parse_overrides(overrides))
+    load_standard(standard or DEFAULT_STANDARD)
+    check_writable(output)
+    console.print(f"[bold]{plan.name}[/bold]: {len(plan.cases)} impacts; starting the nodes")
+
+    local_discovery(domain_id)
+    parameters: dict[str, dict[str, Any]] = {
+        "evaluator": {"standard": standard or DEFAULT_STANDARD},
+        "recorder": {"output_dir": str(output.resolve())},
+        "scenario": {
+            "scenario.file": str(plan.path.resolve()),
+            "scenario.overrides": list(overrides) or [""],
+        },
+    }
+    began = time.monotonic()
+    with termination_as_interrupt(), NodeProcesses(parameters) as nodes:
+        result = run_scenario(nodes, len(plan.cases), console)
+    report(result, console, all_criteria, time.monotonic() - began)
+    if not result["complete"]:
+        raise SystemExit(1)
+
+
+def run_scenario(nodes: NodeProcesses, cases: int, console: Console) -> dict[str, Any]:
+    """Trigger the scenario node and follow it; its result as plain data.
+
+    Raises:
+        NodeError: a node does not come up, ends, or refuses.
+    """
+    with ros_client() as node:
+        from std_msgs.msg import String
+        from std_srvs.srv import Trigger
+
+        columns = (
+            TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(),
+            TextColumn("left"), TimeRemainingColumn(),
+        )  # fmt: skip
+        with Progress(*columns, console=console, transient=True) as progress:
+            task = progress.add_task("starting", total=cases)
+
+            def follow(message: Any) -> None:
+                state = json.loads(message.data)
+                progress.update(task, completed=state["done"], description=state["case"] or "done")
+
+            node.create_subscription(String, "scenario/progress", follow, 10)
+            run = node.create_client(Trigger, "scenario/run")
+            wait_for_service(node, run, START_TIMEOUT, nodes.check)
+            answer = call(node, run, Trigger.Request(), float("inf"), nodes.check)
+        try:
+            result: dict[str, Any] = json.loads(answer.message)
+        except ValueError:
+            raise NodeError(f"the scenario was refused: {answer.message}") from None
+        return result
+
+
+def report(result: dict[str, Any], console: Console, all_criteria: bool, seconds: float) -> None:
+    """Print the table, what failed and why, and where the log is."""
+    from helmet_sim_ros.cli._table import criteria_table, result_table
+
+    rows = result["cases"]
+    console.print(result_table(rows, result["scenario"]))
+    if any(row.get("reference") for row in rows):
+        console.print(f"Beside ours: {result['reference']}", style="dim")
+    if all_criteria:
+        for row in rows:
+            if row["status"] == "evaluated":
+                console.print(criteria_table(row))
+    for row in rows:
+        if row["status"] != "evaluated":
+            console.print(f"{row['name']}: {row['status']}: {row['error']}", style="red")
+    for path in dict.fromkeys(row["file"] for row in rows if row.get("file")):
+        console.print(f"log: {os.path.relpath(path)}", soft_wrap=True)
+    evaluated = sum(row["status"] == "evaluated" for row in rows)
+    console.print(f"{evaluated} of {len(rows)} impacts evaluated in {seconds:.1f} s")
+
+
+def check_writable(folder: Path) -> None:
+    """Create the output directory if it is missing, and refuse one that cannot be written.
+
+    Raises:
+        LogError: it cannot be created, or no file can be written in it.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError as error:
+        raise LogError(f"--output {folder}: cannot be written: {error.strerror}") from error
