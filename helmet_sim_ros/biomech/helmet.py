@@ -1,11 +1,24 @@
-"""Criteria of the helmet: ground force, friction, compression of the coupling."""
+"""Criteria of the helmet: ground force, friction, compression of the coupling, rebound."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from helmet_sim_ros.biomech.pulse import FloatArray, finite_array, magnitude
+from helmet_sim_ros.biomech.pulse import FloatArray, finite_array, magnitude, positive
+
+#: Share of the peak normal force below which no instantaneous force ratio is formed: at first
+#: touch and lift-off both forces vanish and their quotient says nothing.
+CONTACT_LEVEL = 0.05
+
+
+class Energy(NamedTuple):
+    """Work done on the coupling [J]: the most it held, and what it kept to the end."""
+
+    peak: float
+    absorbed: float
 
 
 def ground_components(ground_force: ArrayLike) -> tuple[FloatArray, FloatArray]:
@@ -40,6 +53,44 @@ def peak_force_ratio(ground_force: ArrayLike) -> float:
     return float(tangential.max()) / peak if peak > 0.0 else 0.0
 
 
+def instant_force_ratio(ground_force: ArrayLike) -> tuple[float, int]:
+    """Largest F_t / F_n [-] at one instant, and its sample; 0 where the helmet never touches.
+
+    Only while the normal force is above ``CONTACT_LEVEL`` of its peak.
+
+    Args:
+        ground_force: force of the ground on the helmet, world axes, shape (n, 3) [N].
+
+    Raises:
+        PulseError: wrong shape, or a value that is not finite.
+    """
+    normal, tangential = ground_components(ground_force)
+    pressed = normal > CONTACT_LEVEL * normal.max()
+    if not pressed.any():
+        return 0.0, 0
+    ratio = np.divide(tangential, normal, out=np.zeros_like(normal), where=pressed)
+    i = int(ratio.argmax())
+    return float(ratio[i]), i
+
+
+def impulse_ratio(ground_force: ArrayLike) -> float:
+    """Amount of the tangential over the normal impulse of the ground [-]; 0 without contact.
+
+    The tangential force is integrated as a vector, so a reversal of friction counts.
+
+    Args:
+        ground_force: force of the ground on the helmet, world axes, shape (n, 3) [N], uniform in
+            time.
+
+    Raises:
+        PulseError: wrong shape, or a value that is not finite.
+    """
+    force = finite_array("ground_force", ground_force, 3)
+    impulse = force.sum(axis=0) - 0.5 * (force[0] + force[-1])
+    normal = float(impulse[2])
+    return float(np.hypot(impulse[0], impulse[1])) / normal if normal > 0.0 else 0.0
+
+
 def compression(coupling_displacement: ArrayLike) -> FloatArray:
     """Amount of the displacement of the helmet against the head, shape (n,) [m].
 
@@ -50,3 +101,52 @@ def compression(coupling_displacement: ArrayLike) -> FloatArray:
         PulseError: wrong shape, or a value that is not finite.
     """
     return magnitude(finite_array("coupling_displacement", coupling_displacement, 3))
+
+
+def bottoming(peak_compression: float, thickness: float) -> float:
+    """Share of the liner's thickness that the peak compression uses up [-].
+
+    EPS densifies from a share of about 0.6 to 0.7 on (general literature value).
+
+    Raises:
+        PulseError: a thickness that is not above 0.
+    """
+    return peak_compression / positive("thickness", thickness, "m")
+
+
+def coupling_energy(coupling_force: ArrayLike, coupling_displacement: ArrayLike) -> Energy:
+    """Work of the compression on the coupling, the integral of F dd.
+
+    Args:
+        coupling_force: force of the helmet on the head, head axes, shape (n, 3) [N].
+        coupling_displacement: helmet against head, head axes, shape (n, 3) [m].
+
+    Returns:
+        The largest value on the way and the value at the last sample [J]. The latter is what the
+        coupling has absorbed once it is unloaded.
+
+    Raises:
+        PulseError: wrong shape, or a value that is not finite.
+    """
+    force = finite_array("coupling_force", coupling_force, 3)
+    path = np.diff(finite_array("coupling_displacement", coupling_displacement, 3), axis=0)
+    work = np.cumsum(np.einsum("ij,ij->i", 0.5 * (force[1:] + force[:-1]), path))
+    return Energy(max(float(work.max()), 0.0), float(work[-1]))
+
+
+def restitution(normal_velocity: ArrayLike) -> float | None:
+    """Speed of rebound over speed of approach of the head, along the ground's normal [-].
+
+    Args:
+        normal_velocity: velocity away from the ground, shape (n,) [m/s].
+
+    Returns:
+        Largest rebound speed over the first sample's approach speed; None if the head does not
+        approach at first, or has not turned back by the end.
+
+    Raises:
+        PulseError: wrong shape, or a value that is not finite.
+    """
+    speed = finite_array("normal_velocity", normal_velocity)
+    approach, rebound = -float(speed[0]), float(speed.max())
+    return rebound / approach if approach > 0.0 and rebound > 0.0 else None

@@ -58,11 +58,13 @@ def maximum_window(values: FloatArray, time_step: float, window: float | None = 
     last = len(values) - 1
     best = (0.0, 0.0, 0.0)  # score, first and last sample of the window
     max_lag = last
+    if velocity[-1] <= 0.0:
+        return Hic(0.0, 0.0, 0.0)
     if window is not None and window < last * time_step:
         lags = window / time_step
         max_lag = int(lags * (1.0 + 1e-12))
         best = _limit_windows(velocity, lags)
-    if max_lag >= 1 and velocity[-1] > 0.0:
+    if max_lag >= 1:
         best = _sample_windows(velocity, max_lag, float(values.max()), best)
     score, first, final = best
     return Hic(score**2.5 * time_step, first * time_step, final * time_step)

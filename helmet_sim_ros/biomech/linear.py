@@ -8,12 +8,23 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.ndimage import minimum_filter1d
 
-from helmet_sim_ros.biomech.pulse import FloatArray, positive, resultant_g
+from helmet_sim_ros.biomech.hic import Hic, hic
+from helmet_sim_ros.biomech.pulse import (
+    STANDARD_GRAVITY,
+    FloatArray,
+    magnitude,
+    positive,
+    resultant_g,
+)
 from helmet_sim_ros.errors import PulseError
 
 #: Share of the peak above which a pulse counts as lasting. A half sine of length T lasts
 #: (1 - 2/pi asin 0.1) T = 0.936 T by this measure.
 DURATION_LEVEL = 0.1
+
+
+#: The 3 ms clip [s].
+CLIP_DURATION = 0.003
 
 
 class Span(NamedTuple):
@@ -24,7 +35,7 @@ class Span(NamedTuple):
     t2: float
 
 
-def clip(acceleration_g: ArrayLike, time_step: float, duration: float = 0.003) -> Span:
+def clip(acceleration_g: ArrayLike, time_step: float, duration: float = CLIP_DURATION) -> Span:
     """The highest level that the resultant keeps without a break for ``duration`` (3 ms clip).
 
     Exact for a resultant that is linear between samples, whatever the time step.
@@ -123,3 +134,104 @@ def span_about_peak(resultant: FloatArray, time_step: float, level: float) -> Sp
         i = int(after[0])
         t2 = i - (threshold - resultant[i]) / (resultant[i - 1] - resultant[i])
     return Span(float(t2 - t1) * time_step, float(t1) * time_step, float(t2) * time_step)
+
+
+def gsi(acceleration_g: ArrayLike, time_step: float) -> float:
+    """Gadd Severity Index: the integral of a^2.5 dt over the whole pulse [s, a in g].
+
+    C. W. Gadd, "Use of a weighted-impulse criterion for estimating injury hazard", SAE 660793.
+
+    Args:
+        acceleration_g: components (n, 3) or resultant (n,) [g].
+        time_step: sampling interval [s].
+
+    Raises:
+        PulseError: bad signal or time step.
+    """
+    return severity(resultant_g(acceleration_g, time_step), float(time_step))
+
+
+def severity(resultant: FloatArray, time_step: float) -> float:
+    """:func:`gsi` of a checked resultant, (n,)."""
+    rate = resultant * resultant * np.sqrt(resultant)
+    return float(rate.sum() - 0.5 * (rate[0] + rate[-1])) * time_step
+
+
+def hic_d(hic36: float) -> float:
+    """HIC(d) of the free-motion headform, 0.75446 HIC36 + 166.4 (49 CFR 571.201, S7)."""
+    return 0.75446 * hic36 + 166.4
+
+
+def sfc(acceleration_g: ArrayLike, time_step: float) -> Span:
+    """Skull Fracture Correlate: the mean acceleration over the HIC15 window [g].
+
+    M. Vander Vorst et al., "Statistically and biomechanically based criterion for impact-induced
+    skull fracture", AAAM 2003: below 120 g for a 15 % probability of fracture.
+
+    Args:
+        acceleration_g: components (n, 3) or resultant (n,) [g].
+        time_step: sampling interval [s].
+
+    Raises:
+        PulseError: bad signal or time step.
+    """
+    return mean_of_window(hic(acceleration_g, time_step, 0.015))
+
+
+def mean_of_window(best: Hic) -> Span:
+    """The mean acceleration behind a HIC value [g] and its window; 0 without a window."""
+    length = best.t2 - best.t1
+    return Span((best.value / length) ** 0.4 if length > 0.0 else 0.0, best.t1, best.t2)
+
+
+def dwell(acceleration_g: ArrayLike, time_step: float, threshold: float) -> float:
+    """The total time above a threshold [s], crossings interpolated.
+
+    Args:
+        acceleration_g: components (n, 3) or resultant (n,) [g].
+        time_step: sampling interval [s].
+        threshold: in g, above 0.
+
+    Raises:
+        PulseError: bad signal or argument.
+    """
+    level = positive("threshold", threshold, "g")
+    return time_above(resultant_g(acceleration_g, time_step), float(time_step), level)
+
+
+def time_above(resultant: FloatArray, time_step: float, threshold: float) -> float:
+    """:func:`dwell` of a checked resultant, (n,)."""
+    low = np.minimum(resultant[1:], resultant[:-1])
+    high = np.maximum(resultant[1:], resultant[:-1])
+    reach = high > threshold
+    low, high = low[reach], high[reach]
+    span = np.maximum(high - low, np.finfo(float).tiny)
+    return float(np.minimum((high - threshold) / span, 1.0).sum()) * time_step
+
+
+def velocity_change(acceleration_g: ArrayLike, time_step: float) -> Span:
+    """The largest change of velocity since the first sample, its value in m/s.
+
+    Args:
+        acceleration_g: components (n, 3) or one signed axis (n,) [g].
+        time_step: sampling interval [s].
+
+    Raises:
+        PulseError: bad signal or time step.
+    """
+    resultant_g(acceleration_g, time_step)
+    return largest_change(np.asarray(acceleration_g, dtype=np.float64), float(time_step))
+
+
+def largest_change(acceleration_g: FloatArray, time_step: float) -> Span:
+    """:func:`velocity_change` of a checked acceleration, (n,) or (n, 3) [g]."""
+    speed = magnitude(velocity(acceleration_g * STANDARD_GRAVITY, time_step))
+    i = int(speed.argmax())
+    return Span(float(speed[i]), 0.0, i * time_step)
+
+
+def velocity(acceleration: FloatArray, time_step: float) -> FloatArray:
+    """The integral of the acceleration from the first sample on, by the trapezoidal rule."""
+    change = np.zeros_like(acceleration)
+    np.cumsum((0.5 * time_step) * (acceleration[1:] + acceleration[:-1]), axis=0, out=change[1:])
+    return change

@@ -8,7 +8,8 @@ from pathlib import Path
 import yaml
 from pydantic import Field, model_validator
 
-from helmet_sim_ros.errors import SetupError
+from helmet_sim_ros.biomech.catalogue import entry
+from helmet_sim_ros.errors import PulseError, SetupError
 from helmet_sim_ros.resources import find_config, share_directory
 from helmet_sim_ros.schema import Config, quantity
 
@@ -38,6 +39,11 @@ class Standard(Config):
     def _has_limits(self) -> Standard:
         if not self.limits:
             raise SetupError.of("limits", self.limits, "must hold at least one limit")
+        for name in self.limits:
+            try:
+                entry(name)
+            except PulseError as error:
+                raise SetupError.of(f"limits.{name}", self.limits[name].max, str(error)) from None
         return self
 
 

@@ -1,0 +1,108 @@
+"""Channel frequency class filters of SAE J211-1 and ISO 6487.
+
+A two-pole Butterworth low-pass, run forward and backward (four poles, no phase shift). Its
+coefficients are those of SAE J211-1 (March 1995), appendix C, for a corner at 2.0775 CFC of each
+pass, which gives the two passes together -3 dB at CFC / 0.6.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.signal import lfilter
+
+from helmet_sim_ros.biomech.pulse import FloatArray, finite_array, positive
+from helmet_sim_ros.errors import PulseError
+
+#: Corner frequency of one pass over the class (SAE J211-1).
+CORNER = 2.0775
+#: Fewest samples per second over the class (SAE J211-1: ten times the class, 10 kHz for CFC 1000).
+SAMPLES_PER_CLASS = 10.0
+#: What a transient of the first pass has decayed to where the second starts.
+SETTLED = 1e-12
+
+
+class SampleRateWarning(UserWarning):
+    """The sampling rate is below what the filter class needs."""
+
+
+def cfc_coefficients(channel_class: float, time_step: float) -> tuple[FloatArray, FloatArray]:
+    """Numerator and denominator of one pass, three each, the denominator's first being 1.
+
+    Args:
+        channel_class: 60, 180, 600, 1000 or any other [Hz].
+        time_step: sampling interval [s].
+
+    Raises:
+        PulseError: not a number above 0, or the corner is beyond the Nyquist frequency.
+    """
+    corner = 2.0 * math.pi * CORNER * positive("channel_class", channel_class, "Hz")
+    half_turn = 0.5 * corner * positive("time_step", time_step)
+    if half_turn >= 0.5 * math.pi:
+        raise PulseError(
+            f"time_step = {time_step:g} s: too coarse for CFC {channel_class:g}, whose corner is "
+            "beyond half the sampling rate"
+        )
+    w = math.tan(half_turn)
+    scale = 1.0 + math.sqrt(2.0) * w + w * w
+    gain = w * w / scale
+    feedback = [1.0, 2.0 * (w * w - 1.0) / scale, (1.0 - math.sqrt(2.0) * w + w * w) / scale]
+    return np.array([gain, 2.0 * gain, gain]), np.array(feedback)
+
+
+def sample_rate_warning(channel_class: float, time_step: float) -> str:
+    """What is wrong with the sampling rate for this class; empty if nothing is."""
+    if SAMPLES_PER_CLASS * channel_class * time_step <= 1.0 + 1e-9:
+        return ""
+    return (
+        f"sampled at {1e-3 / time_step:.4g} kHz, but CFC {channel_class:g} needs at least "
+        f"{1e-3 * SAMPLES_PER_CLASS * channel_class:.4g} kHz (SAE J211)"
+    )
+
+
+def cfc(values: ArrayLike, channel_class: float, time_step: float) -> FloatArray:
+    """A signal after the channel frequency class filter.
+
+    Before its first and after its last sample the signal is taken to rest at that sample's value,
+    so a pulse that starts with the record is not distorted; nothing is mirrored into it.
+
+    Args:
+        values: shape (n,) or (n, 3), any unit.
+        channel_class: 60, 180, 600, 1000 or any other [Hz].
+        time_step: sampling interval [s].
+
+    Returns:
+        The filtered signal, same shape and unit.
+
+    Warns:
+        SampleRateWarning: fewer than ten samples per second and hertz of the class.
+
+    Raises:
+        PulseError: bad signal or argument, or a time step that the class cannot work with.
+    """
+    signal = finite_array("values", values, 0, 3)
+    cfc_coefficients(channel_class, time_step)  # refuse bad arguments before warning about them
+    if problem := sample_rate_warning(channel_class, time_step):
+        warnings.warn(problem, SampleRateWarning, stacklevel=2)
+    return filtered(signal, channel_class, time_step)
+
+
+def filtered(signal: FloatArray, channel_class: float, time_step: float) -> FloatArray:
+    """:func:`cfc` of a checked signal, without the warning."""
+    b, a = cfc_coefficients(channel_class, time_step)
+    # The transient decays with the real part of the poles, corner / sqrt(2).
+    corner = 2.0 * math.pi * CORNER * channel_class
+    tail = math.ceil(-math.log(SETTLED) * math.sqrt(2.0) / (corner * time_step))
+    rest = np.broadcast_to(signal[-1], (tail, *signal.shape[1:]))
+    forward = _from_rest(b, a, np.concatenate((signal, rest)))
+    return _from_rest(b, a, forward[::-1])[::-1][: len(signal)]
+
+
+def _from_rest(b: FloatArray, a: FloatArray, signal: FloatArray) -> FloatArray:
+    """One pass, as if the first value had been there for ever."""
+    state = np.multiply.outer(np.array([1.0 - b[0], b[2] - a[2]]), signal[0])
+    output, _ = lfilter(b, a, signal, axis=0, zi=state)
+    return np.asarray(output)

@@ -1,0 +1,207 @@
+"""Brain-injury criteria of the rotation of the head. Head axes: x forward, y left, z up."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.linalg import expm
+from scipy.signal import lfilter
+
+from helmet_sim_ros.biomech.hic import Hic, maximum_window
+from helmet_sim_ros.biomech.pulse import FloatArray, finite_array, magnitude, positive
+from helmet_sim_ros.errors import PulseError
+
+#: Critical angular velocities x, y, z [rad/s] of BrIC (Takhounts et al., "Development of brain
+#: injury criteria (BrIC)", Stapp Car Crash Journal 57, 2013): from the maximum principal strain,
+#: from the cumulative strain damage measure, and their average.
+BRIC_CRITICAL: dict[str, tuple[float, float, float]] = {
+    "average": (66.25, 56.45, 42.87),
+    "mps": (66.30, 53.80, 41.50),
+    "csdm": (66.20, 59.10, 44.25),
+}
+
+#: Critical angular velocities, peak to peak [rad/s], and accelerations [rad/s^2] x, y, z of UBrIC
+#: for the maximum principal strain (Gabler, Crandall, Panzer, "Development of a metric for
+#: predicting brain strain responses using head kinematics", Ann. Biomed. Eng. 46, 2018).
+UBRIC_VELOCITY = (211.0, 171.0, 115.0)
+UBRIC_ACCELERATION = (20000.0, 10300.0, 7760.0)
+
+#: DAMAGE (Gabler, Crandall, Panzer, "Development of a second-order system for rapid estimation of
+#: maximum brain strain", Ann. Biomed. Eng. 47, 2019): unit masses, stiffnesses [N/m], damping as
+#: a share of the stiffness [s], and the scale from displacement to strain [1/m].
+DAMAGE_STIFFNESS = (32142.0, 23493.0, 16935.0)
+DAMAGE_STIFFNESS_XZ = 1636.3
+DAMAGE_DAMPING = 5.9148e-3
+DAMAGE_SCALE = 2.9903
+
+#: Head axes of this package against those of SAE J211 (x forward, y right, z down), in which the
+#: coupling of DAMAGE between x and z is given.
+SAE_SIGN = np.array([1.0, -1.0, -1.0])
+
+#: Longest window of RIC [s] (Kimpara and Iwamoto, "Mild traumatic brain injury predictors based
+#: on angular accelerations during impacts", Ann. Biomed. Eng. 40, 2012).
+RIC_WINDOW = 0.036
+
+
+def to_head_axes(vectors: ArrayLike, orientation: ArrayLike, name: str = "vectors") -> FloatArray:
+    """World vectors in the axes of the head.
+
+    Args:
+        vectors: world axes, shape (n, 3).
+        orientation: head to world, unit quaternions x, y, z, w, shape (n, 4).
+        name: what to call the vectors in an error.
+
+    Raises:
+        PulseError: wrong shapes, not finite, or not unit quaternions.
+    """
+    v = finite_array(name, vectors, 3)
+    q = finite_array("head_orientation", orientation, 4)
+    if len(v) != len(q):
+        raise PulseError(f"head_orientation: {len(q)} samples, but {name} has {len(v)}")
+    x, y, z, w = q.T
+    norm = x * x + y * y + z * z + w * w
+    worst = int(np.abs(norm - 1.0).argmax())
+    if abs(norm[worst] - 1.0) > 1e-3:
+        raise PulseError(f"head_orientation: not a unit quaternion at sample {worst}: {q[worst]}")
+    a, b, c = v.T
+    # v' = v + 2 w (v x u) + 2 (v x u) x u, the inverse rotation, with u = (x, y, z)
+    p, r, s = b * z - c * y, c * x - a * z, a * y - b * x
+    head = np.empty_like(v)
+    head[:, 0] = a + 2.0 * (w * p + r * z - s * y)
+    head[:, 1] = b + 2.0 * (w * r + s * x - p * z)
+    head[:, 2] = c + 2.0 * (w * s + p * y - r * x)
+    return head
+
+
+def bric(
+    angular_velocity: ArrayLike, critical: Literal["average", "mps", "csdm"] = "average"
+) -> float:
+    """Brain Injury Criterion: the 2-norm of max |w_i| / w_ic.
+
+    Args:
+        angular_velocity: head axes, shape (n, 3) [rad/s].
+        critical: which set of critical values.
+
+    Raises:
+        PulseError: bad signal, or an unknown set.
+    """
+    if critical not in BRIC_CRITICAL:
+        raise PulseError(f"critical = {critical!r}: must be one of {', '.join(BRIC_CRITICAL)}")
+    peaks = np.abs(finite_array("angular_velocity", angular_velocity, 3)).max(axis=0)
+    return float(np.linalg.norm(peaks / BRIC_CRITICAL[critical]))
+
+
+def ubric(angular_velocity: ArrayLike, angular_acceleration: ArrayLike) -> float:
+    """Universal Brain Injury Criterion, for the maximum principal strain.
+
+    Per axis w + (a - w) exp(-a / w), with w = peak-to-peak velocity and a = peak acceleration,
+    each over its critical value; then the 2-norm over the axes.
+
+    Args:
+        angular_velocity: head axes, shape (n, 3) [rad/s].
+        angular_acceleration: head axes, shape (n, 3) [rad/s^2].
+
+    Raises:
+        PulseError: bad signal.
+    """
+    w = np.ptp(finite_array("angular_velocity", angular_velocity, 3), axis=0) / UBRIC_VELOCITY
+    peaks = np.abs(finite_array("angular_acceleration", angular_acceleration, 3)).max(axis=0)
+    a = peaks / UBRIC_ACCELERATION
+    turning = w > 0.0  # the limit for w -> 0 is 0
+    w, a = w[turning], a[turning]
+    return float(np.linalg.norm(w + (a - w) * np.exp(-a / w)))
+
+
+def damage(angular_acceleration: ArrayLike, time_step: float) -> float:
+    """DAMAGE: the largest displacement of three coupled oscillators, scaled to brain strain.
+
+    M x'' + C x' + K x = M alpha, at rest at the first sample; exact for an acceleration that is
+    linear between samples (first-order hold in modal coordinates, C being proportional to K).
+
+    Args:
+        angular_acceleration: head axes, shape (n, 3) [rad/s^2].
+        time_step: sampling interval [s].
+
+    Raises:
+        PulseError: bad signal or time step.
+    """
+    alpha = finite_array("angular_acceleration", angular_acceleration, 3) * SAE_SIGN
+    modes, filters = _damage_filters(positive("time_step", time_step))
+    drive = alpha @ modes
+    answers = [_oscillate(b, a, first, drive[:, i]) for i, (b, a, first) in enumerate(filters)]
+    # The modes are orthonormal, so the length of x is the length of the modal displacement.
+    return DAMAGE_SCALE * float(magnitude(np.stack(answers, axis=1)).max())
+
+
+def ric(angular_acceleration: ArrayLike, time_step: float) -> Hic:
+    """Rotational Injury Criterion: HIC's formula on the angular acceleration [rad/s^2], 36 ms.
+
+    Args:
+        angular_acceleration: any axes, shape (n, 3), or its amount, shape (n,) [rad/s^2].
+        time_step: sampling interval [s].
+
+    Raises:
+        PulseError: bad signal or time step.
+    """
+    alpha = magnitude(finite_array("angular_acceleration", angular_acceleration, 0, 3))
+    return maximum_window(alpha, positive("time_step", time_step), RIC_WINDOW)
+
+
+def klc(peak_angular_velocity: float, hic36: float) -> float:
+    """Kleiven's linear combination, 0.004718 max |w| + 0.000224 HIC36.
+
+    S. Kleiven, "Predictors for traumatic brain injuries evaluated through accident
+    reconstructions", Stapp Car Crash Journal 51, 2007 (general literature value).
+
+    Args:
+        peak_angular_velocity: peak of the resultant [rad/s].
+        hic36: HIC with a 36 ms window.
+    """
+    return 0.004718 * peak_angular_velocity + 0.000224 * hic36
+
+
+def damage_stiffness() -> FloatArray:
+    """The stiffness matrix of DAMAGE in SAE J211 axes, shape (3, 3) [N/m]."""
+    kx, ky, kz = DAMAGE_STIFFNESS
+    k = DAMAGE_STIFFNESS_XZ
+    return np.array([[kx + k, 0.0, -k], [0.0, ky, 0.0], [-k, 0.0, kz + k]])
+
+
+@lru_cache(maxsize=32)
+def _damage_filters(
+    time_step: float,
+) -> tuple[FloatArray, tuple[tuple[FloatArray, FloatArray, FloatArray], ...]]:
+    """The modes, shape (3, 3), and per mode the recursion of its displacement.
+
+    With state s = (x, x') and drive u, s1 = Phi s0 + G0 u0 + G1 u1 exactly for a linear u. Its
+    first component obeys x2 = tr Phi x1 - det Phi x0 + b0 u2 + b1 u1 + b2 u0.
+    """
+    stiffness, modes = np.linalg.eigh(damage_stiffness())
+    filters = []
+    for k in stiffness:
+        # exponential of the state, the drive and its slope together
+        system = np.zeros((4, 4))
+        system[0, 1] = system[1, 2] = system[2, 3] = 1.0
+        system[1, :2] = -k, -DAMAGE_DAMPING * k
+        step = expm(system * time_step)
+        phi, level, slope = step[:2, :2], step[:2, 2], step[:2, 3] / time_step
+        g0, g1 = level - slope, slope
+        rest = np.array([[-phi[1, 1], phi[0, 1]], [phi[1, 0], -phi[0, 0]]])  # -adjugate
+        b = np.array([g1[0], g0[0] + rest[0] @ g1, rest[0] @ g0])
+        a = np.array([1.0, -np.trace(phi), np.linalg.det(phi)])
+        filters.append((b, a, np.array([g0[0], g1[0]])))
+    return modes, tuple(filters)
+
+
+def _oscillate(b: FloatArray, a: FloatArray, first: FloatArray, drive: FloatArray) -> FloatArray:
+    """Displacement from rest at the first sample, shape (n,)."""
+    x = np.zeros(len(drive))
+    x[1] = first @ drive[:2]
+    if len(drive) > 2:
+        past = b[1] * drive[1] + b[2] * drive[0] - a[1] * x[1]  # x[0] = 0
+        state = np.array([past, b[2] * drive[1] - a[2] * x[1]])
+        x[2:], _ = lfilter(b, a, drive[2:], zi=state)
+    return x
