@@ -36,6 +36,7 @@ EXTRAS = {
         "rosbags",
         "ruff",
         "types-PyYAML",
+        "wheel",
     ],
 }
 
@@ -78,6 +79,7 @@ setup(
     install_requires=[
         "annotated-types",
         "click>=8.1",
+        "llvmlite",
         "mcap>=1.2",
         "mujoco>=4,<5",
         "numba>=0.61",
