@@ -1,0 +1,249 @@
+"""Whole impacts against closed forms, conservation laws and refinement."""
+
+import math
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from helmet_sim_ros.biomech import hic
+from helmet_sim_ros.biomech.record import ImpactRecord, from_block, same_samples
+from helmet_sim_ros.errors import DivergedError
+from helmet_sim_ros.model import contact, coupling
+from helmet_sim_ros.model.balance import balance
+from helmet_sim_ros.model.impact import Impact, simulate
+from helmet_sim_ros.model.setup import ImpactSetup
+
+G = 9.80665  # m/s^2
+OBLIQUE = [(2.5, 5.0), (5.0, 10.0), (7.5, 10.0)]
+
+
+def peak_g(record: ImpactRecord) -> float:
+    return float(np.linalg.norm(record.head_acceleration, axis=1).max()) / G
+
+
+def nearly_ideal(stiffness: float) -> dict[str, float]:
+    """Overrides: linear lossless spring, massless shell, hard ground."""
+    slope = 1e-3
+    return {
+        "helmet.spring.top.A": stiffness / slope,
+        "helmet.spring.top.B": slope,
+        "helmet.spring.energy_loss": 0.0,
+        "helmet.shell.effective_mass": 0.004,
+        "helmet.shell.contact_stiffness": 1e8,
+        "helmet.shell.contact_damping": 0.05,
+    }
+
+
+@pytest.mark.parametrize(("speed", "stiffness"), [(2.5, 200e3), (6.0, 320e3)])
+def test_a_linear_spring_drop_matches_its_closed_form(speed: float, stiffness: float) -> None:
+    setup = ImpactSetup(
+        rig="headform", direction="top", normal_velocity=speed, gravity=0.0,
+        duration=0.025, time_step=2e-6, overrides=nearly_ideal(stiffness),
+    )  # fmt: skip
+    record = simulate(setup)
+    mass = 4.5 + setup.helmet_config.mass - 0.004
+    omega = math.sqrt(stiffness / mass)
+    displacement = record.coupling_displacement[:, 2]
+    deepest = displacement.argmin()
+    end = deepest + np.flatnonzero(displacement[deepest:] >= 0.0)[0]
+    acceleration = record.head_acceleration[:, 2] / G
+    assert peak_g(record) == pytest.approx(speed * omega / G, rel=5e-3)
+    assert record.time[end] == pytest.approx(math.pi / omega, rel=5e-3)
+    assert -displacement[deepest] == pytest.approx(speed / omega, rel=5e-3)
+    expected = 0.4146456495 * (speed * omega / G) ** 2.5 * math.pi / omega
+    assert hic(acceleration, record.time_step).value == pytest.approx(expected, rel=5e-3)
+    rebound = record.head_velocity[-1, 2]
+    assert rebound == pytest.approx(speed, rel=5e-3)
+
+
+@pytest.mark.parametrize("rig", ["rider", "headform"])
+@pytest.mark.parametrize(("normal", "tangential"), OBLIQUE)
+def test_momentum_changes_by_the_impulse_and_energy_never_grows(
+    rig: str, normal: float, tangential: float
+) -> None:
+    impact = Impact(ImpactSetup(rig=rig, normal_velocity=normal, tangential_velocity=tangential))
+    impact.advance(impact.total)
+    checked = balance(impact)
+    assert checked.momentum_error < 0.01
+    assert checked.energy_growth < 2e-3
+    assert checked.mechanical[-1] < 0.95 * checked.mechanical[0]
+
+
+@pytest.mark.parametrize("rig", ["rider", "headform"])
+def test_the_head_accelerates_by_the_forces_that_act_on_it(rig: str) -> None:
+    impact = Impact(ImpactSetup(rig=rig, tangential_velocity=7.0))
+    impact.advance(impact.total)
+    record, model = impact.record(), impact.model
+    mass = model.body("head").mass[0] + model.body("helmet_rest").mass[0]
+    turn = Rotation.from_quat(record.head_orientation)
+    force = turn.apply(record.coupling_force + record.neck_force) + [0.0, 0.0, -mass * G]
+    assert np.abs(mass * record.head_acceleration - force).max() < 1e-6 * np.abs(force).max()
+
+
+def test_the_recorded_velocities_are_the_derivatives_of_the_poses() -> None:
+    record = simulate(ImpactSetup(tangential_velocity=5.0, time_step=1e-5))
+    velocity = np.gradient(record.head_position, record.time_step, axis=0)
+    assert np.abs(velocity - record.head_velocity)[5:-5].max() < 0.05
+    acceleration = np.gradient(record.head_velocity, record.time_step, axis=0)
+    error = np.abs(acceleration - record.head_acceleration)[20:-20].max()
+    assert error < 0.03 * np.abs(record.head_acceleration).max()
+    turn = Rotation.from_quat(record.head_orientation)
+    rate = (turn[1:] * turn[:-1].inv()).as_rotvec() / record.time_step
+    assert np.abs(rate - record.head_angular_velocity[1:])[5:].max() < 0.2
+    angular = np.gradient(record.head_angular_velocity, record.time_step, axis=0)
+    error = np.abs(angular - record.head_angular_acceleration)[20:-20].max()
+    assert error < 0.03 * np.abs(record.head_angular_acceleration).max()
+
+
+def test_the_recorded_coupling_loop_is_the_law() -> None:
+    setup = ImpactSetup(tangential_velocity=5.0)
+    record, spring = simulate(setup), setup.helmet_config.spring
+    state, force = coupling.new_state(), np.zeros(3)
+    for displacement, recorded in zip(record.coupling_displacement, record.coupling_force, strict=True):
+        coupling.spring_force(displacement, coupling.law_table(spring), spring.energy_loss, state, force)
+        assert recorded == pytest.approx(-force, rel=1e-12)
+    loading = record.coupling_displacement[:, 1]
+    i = loading.argmin()
+    law = spring.side
+    assert record.coupling_force[i, 1] == pytest.approx(-law.A * math.expm1(law.B * -loading[i]))
+
+
+@pytest.mark.parametrize("rig", ["rider", "headform"])
+def test_left_and_right_are_mirror_images(rig: str) -> None:
+    common = {"rig": rig, "tangential_velocity": 6.0}
+    left = simulate(ImpactSetup(direction="left", tangential_heading_deg=70.0, **common))
+    right = simulate(ImpactSetup(direction="right", tangential_heading_deg=-70.0, **common))
+    mirror, axial = np.array([1, -1, 1]), np.array([-1, 1, -1])
+    scale = np.abs(left.head_acceleration).max()
+    assert np.abs(left.head_acceleration - mirror * right.head_acceleration).max() < 1e-6 * scale
+    assert np.abs(left.ground_force - mirror * right.ground_force).max() < 1e-2
+    spin = left.head_angular_velocity - axial * right.head_angular_velocity
+    assert np.abs(spin).max() < 1e-6
+
+
+@pytest.mark.parametrize("direction", ["front", "back", "left", "top"])
+@pytest.mark.parametrize(("normal", "tangential"), OBLIQUE)
+def test_peaks_converge_with_the_time_step(direction: str, normal: float, tangential: float) -> None:
+    common = {
+        "direction": direction, "normal_velocity": normal, "tangential_velocity": tangential,
+        "duration": 0.02,
+    }  # fmt: skip
+    coarse = simulate(ImpactSetup(time_step=5e-5, **common))
+    fine = simulate(ImpactSetup(time_step=1e-5, **common))
+    assert peak_g(coarse) == pytest.approx(peak_g(fine), rel=0.01)
+    assert coarse.ground_force[:, 2].max() == pytest.approx(fine.ground_force[:, 2].max(), rel=0.01)
+
+
+def test_a_coarser_sampling_step_does_not_change_the_motion() -> None:
+    fine, coarse = simulate(ImpactSetup(time_step=5e-5)), simulate(ImpactSetup(time_step=2e-4))
+    assert np.array_equal(fine.head_position[::4], coarse.head_position)
+
+
+@pytest.mark.parametrize(
+    ("direction", "axis", "sense"),
+    [("front", 0, -1), ("back", 0, 1), ("left", 1, -1), ("right", 1, 1), ("top", 2, -1)],
+)
+def test_the_named_part_of_the_helmet_strikes(direction: str, axis: int, sense: int) -> None:
+    record = simulate(ImpactSetup(rig="headform", direction=direction))
+    displacement = record.coupling_displacement
+    peak = np.abs(displacement).max(axis=0)
+    assert peak.argmax() == axis
+    assert sense * displacement[np.abs(displacement[:, axis]).argmax(), axis] > 0.015
+    assert np.delete(peak, axis).max() < 1e-6
+    turn = Rotation.from_quat(record.head_orientation[0])
+    strike = np.zeros(3)
+    strike[axis] = -sense
+    assert turn.apply(strike) == pytest.approx([0.0, 0.0, -1.0])
+
+
+@pytest.mark.parametrize("angle", [0.0, 15.0, 30.0, 60.0, 90.0])
+def test_the_body_axis_has_the_stated_angle_to_the_ground(angle: float) -> None:
+    for direction in ("front", "back", "left", "right"):
+        record = simulate(ImpactSetup(direction=direction, body_angle_deg=angle, duration=1e-3))
+        up = Rotation.from_quat(record.head_orientation[0]).apply([0.0, 0.0, 1.0])
+        assert math.degrees(math.asin(-up[2])) == pytest.approx(angle, abs=1e-3)
+        assert up[1] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_all_parts_start_with_the_stated_velocity() -> None:
+    setup = ImpactSetup(normal_velocity=4.0, tangential_velocity=3.0, tangential_heading_deg=30.0)
+    record = simulate(setup)
+    expected = [3.0 * math.cos(math.pi / 6), 1.5, -4.0]
+    assert record.head_velocity[0] == pytest.approx(expected)
+    assert np.all(record.joint_velocities[0] == 0.0)
+    assert record.time[0] == 0.0 and len(record) == setup.samples
+
+
+def test_free_flight_has_the_acceleration_of_gravity() -> None:
+    """Body first: the helmet starts above the ground and the head falls freely."""
+    record = simulate(ImpactSetup(body_angle_deg=0.0, normal_velocity=1.0, duration=2e-3))
+    assert record.extras["notes"] and "touches the ground first" in record.extras["notes"][0]
+    assert record.head_acceleration[0] == pytest.approx([0.0, 0.0, -G], abs=0.05)
+    assert record.ground_force[0] == pytest.approx([0.0, 0.0, 0.0])
+
+
+def test_the_compiled_loop_steps_like_the_interpreted_one() -> None:
+    setup = ImpactSetup(tangential_velocity=6.0, duration=0.005)
+    impact = Impact(setup)
+    model, shapes = impact.model, impact.shapes
+    data = mujoco.MjData(model)
+    start = Impact(setup)
+    start.advance(1)
+    data.qpos[:], data.qvel[:] = next(start.states())
+    impact.advance(impact.total)
+    spring = setup.helmet_config.spring
+    first = int(model.joint("coupling_x").qposadr[0])
+    slides = int(model.joint("coupling_x").dofadr[0])
+    state, stick = coupling.new_state(), shapes.new_state()
+    force, wrench = np.zeros(3), np.zeros((2, 6))
+    for position, _ in impact.states():
+        assert data.qpos == pytest.approx(position, rel=1e-9, abs=1e-12)
+        mujoco.mj_step1(model, data)
+        coupling.spring_force.py_func(
+            data.qpos[first : first + 3], coupling.law_table(spring), spring.energy_loss, state, force
+        )
+        data.qfrc_applied[slides : slides + 3] = force
+        data.xfrc_applied[:] = 0.0
+        contact.ground_contact.py_func(
+            shapes.body, shapes.center, shapes.semi_axes, shapes.law, stick, setup.time_step,
+            data.xpos, data.xmat, data.xipos, data.cvel, data.subtree_com[1], data.xfrc_applied,
+            wrench,
+        )  # fmt: skip
+        mujoco.mj_step2(model, data)
+
+
+def test_slices_give_the_same_samples_as_one_run() -> None:
+    setup = ImpactSetup(tangential_velocity=5.0, duration=0.01)
+    whole, sliced = Impact(setup), Impact(setup)
+    whole.advance(whole.total)
+    blocks = []
+    while sliced.done_samples < sliced.total:
+        first = sliced.done_samples
+        sliced.advance(37)
+        blocks.append(sliced.block(first, sliced.done_samples))
+    joined = from_block(sliced.labels, np.vstack(blocks))
+    assert same_samples(joined, whole.record())
+    with pytest.raises(IndexError):
+        sliced.block(0, sliced.total + 1)
+
+
+def test_simulation_is_reproducible_bit_for_bit() -> None:
+    setup = ImpactSetup(direction="front", tangential_velocity=5.0)
+    assert same_samples(simulate(setup), simulate(setup))
+
+
+def test_a_diverging_impact_says_so_with_its_setup() -> None:
+    setup = ImpactSetup(overrides={
+        "helmet.shell.contact_stiffness": 1e8, "helmet.shell.effective_mass": 1e-5,
+    })  # fmt: skip
+    with pytest.raises(DivergedError, match=r"diverged at t = .* ms.*'impact.normal_velocity': 5.0"):
+        simulate(setup)
+
+
+def test_gravity_and_speed_can_be_varied() -> None:
+    slow, fast = (simulate(ImpactSetup(rig="headform", normal_velocity=v)) for v in (2.5, 7.5))
+    assert 2.5 < peak_g(fast) / peak_g(slow) < 4.0
+    weightless = simulate(ImpactSetup(rig="headform", gravity=0.0, duration=1e-3))
+    assert weightless.head_acceleration[0] == pytest.approx([0, 0, 0], abs=0.1)
