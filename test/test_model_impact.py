@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from helmet_sim_ros.biomech import hic
 from helmet_sim_ros.biomech.record import ImpactRecord, from_block, same_samples
 from helmet_sim_ros.errors import DivergedError
-from helmet_sim_ros.model import contact, coupling
+from helmet_sim_ros.model import contact, coupling, stops
 from helmet_sim_ros.model.balance import balance
 from helmet_sim_ros.model.impact import Impact, simulate
 from helmet_sim_ros.model.setup import ImpactSetup
@@ -205,6 +205,9 @@ def test_the_compiled_loop_steps_like_the_interpreted_one() -> None:
             data.qpos[first : first + 3], coupling.law_table(spring), spring.energy_loss, state, force
         )
         data.qfrc_applied[slides : slides + 3] = force
+        stops.stop_torques.py_func(
+            *stops.joint_stops(model), data.qpos, data.qvel, data.qfrc_applied
+        )
         data.xfrc_applied[:] = 0.0
         contact.ground_contact.py_func(
             shapes.body, shapes.center, shapes.semi_axes, shapes.law, stick, setup.time_step,

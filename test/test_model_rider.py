@@ -117,3 +117,17 @@ def test_an_axial_pull_on_the_head_meets_the_axial_stiffness_of_the_neck() -> No
     data.qpos[int(model.joint("neck_axial").qposadr[0])] = 0.001
     mujoco.mj_forward(model, data)
     assert data.qfrc_passive[address] == pytest.approx(-80.0, rel=1e-6)
+
+
+def test_a_joint_exceeds_its_range_only_slightly_even_in_a_hard_impact() -> None:
+    impact = Impact(ImpactSetup(normal_velocity=7.5, tangential_velocity=10.0, duration=0.06))
+    impact.advance(impact.total)
+    record, model = impact.record(), impact.model
+    angles = dict(zip(record.joint_names, record.joint_positions.T, strict=True))
+    limits = {name: model.joint(name).range for name in angles}
+    excess = {
+        name: max(angle.max() - limits[name][1], limits[name][0] - angle.min())
+        for name, angle in angles.items()
+    }
+    assert max(excess.values()) > 0.0  # the stops are reached at all
+    assert max(excess.values()) < np.radians(20.0)

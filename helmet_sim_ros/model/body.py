@@ -199,10 +199,6 @@ def _joint(
     joint.range, joint.limited = list(limits), mujoco.mjtLimited.mjLIMITED_TRUE
     joint.stiffness, joint.damping = [stiffness, 0.0, 0.0], [damping, 0.0, 0.0]
     joint.springref = rest
-    # Ligaments stop a joint softly: a 10 ms stop, in the direct form (-stiffness, -damping) that
-    # does not follow the time step, whose impedance sets in over the first 10 degrees.
-    joint.solref_limit = [-1.0 / 0.010**2, -2.0 / 0.010]
-    joint.solimp_limit = [1e-4, 0.9, math.radians(10), 0.5, 2.0]
     return joint
 
 

@@ -19,6 +19,7 @@ from helmet_sim_ros.errors import DivergedError
 from helmet_sim_ros.model import coupling
 from helmet_sim_ros.model.loop import advance
 from helmet_sim_ros.model.setup import ImpactSetup
+from helmet_sim_ros.model.stops import joint_stops
 from helmet_sim_ros.model.world import build
 
 
@@ -70,6 +71,7 @@ class Impact:
         self._shapes = (
             shapes.body, shapes.center, shapes.semi_axes, shapes.law, shapes.new_state()
         )  # fmt: skip
+        self._stops = joint_stops(model)
         self._samples = tuple(
             np.zeros((self.total, *columns))
             for columns in (
@@ -97,7 +99,7 @@ class Impact:
             self._model._address, self._data._address, self._model.opt.timestep,
             self.setup.substeps, self._done, last,
             self._states, self._frames, self._forces, self._columns.slides, self._spring,
-            self._shapes, self._samples,
+            self._shapes, self._stops, self._samples,
         )  # fmt: skip
         if self._done < last:
             raise DivergedError(self._done * self.setup.time_step, self.setup.described())

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.model.contact import ground_contact
 from helmet_sim_ros.model.coupling import spring_force
+from helmet_sim_ros.model.stops import stop_torques
 
 
 def _link_mujoco() -> None:
@@ -49,6 +50,7 @@ def advance(  # noqa: PLR0913 - flat arrays are what compiled code takes
     slides: tuple[int, int],
     spring: tuple[FloatArray, float, FloatArray],
     shapes: tuple[NDArray[np.int64], FloatArray, FloatArray, FloatArray, FloatArray],
+    stops: tuple[NDArray[np.int64], FloatArray],
     samples: tuple[FloatArray, ...],
 ) -> int:
     """Step from sample ``first`` up to ``last``; each row is the state before its step.
@@ -63,6 +65,7 @@ def advance(  # noqa: PLR0913 - flat arrays are what compiled code takes
         slides: index of the first coupling slide in qpos and in qvel.
         spring: law table, energy loss, state; see :mod:`helmet_sim_ros.model.coupling`.
         shapes: body, centre, semi-axes, law, stick; see :mod:`helmet_sim_ros.model.contact`.
+        stops: joint addresses and laws; see :mod:`helmet_sim_ros.model.stops`.
         samples: rows of qpos, qvel, sensordata, spring force (3) and the ground's two
             wrenches (2, 6) to write.
 
@@ -85,6 +88,7 @@ def advance(  # noqa: PLR0913 - flat arrays are what compiled code takes
             _mj_step1(model, data)
             spring_force(qpos[q0 : q0 + 3], law, energy_loss, spring_state, force)
             generalised[v0 : v0 + 3] = force
+            stop_torques(stops[0], stops[1], qpos, qvel, generalised)
             cartesian[:] = 0.0
             ground_contact(
                 body, center, semi_axes, contact_law, stick, step,

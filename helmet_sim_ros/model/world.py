@@ -113,8 +113,10 @@ def _empty_world(setup: ImpactSetup) -> mujoco.MjSpec:
     option.solver = mujoco.mjtSolver.mjSOL_NEWTON
     # A diverged state must be seen, not silently reset.
     option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
-    # The ground acts through model/contact.py.
-    option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    # Ground and joint stops act through model/contact.py and model/stops.py.
+    option.disableflags |= int(
+        mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT
+    )
     spec.visual.global_.offwidth, spec.visual.global_.offheight = 1920, 1080
     spec.worldbody.add_geom(
         name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1], rgba=list(GROUND_COLOR)
