@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 from setuptools import Distribution, find_packages, setup
 
 NAME = "helmet_sim_ros"
-HERE = Path(__file__).parent
+HERE = Path(__file__).resolve().parent  # colcon --symlink-install links this file
 MANIFEST = ElementTree.parse(HERE / "package.xml").getroot()
 
 #: Where the pinned middleware wheels exist.
