@@ -9,10 +9,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from helmet_sim_ros.biomech import Evaluation, ImpactRecord, evaluate
-from helmet_sim_ros.biomech.record import CHANNELS
+from helmet_sim_ros.biomech.record import CHANNELS, same_samples
 from helmet_sim_ros.errors import PulseError, SetupError
+from helmet_sim_ros.resources import share_directory
 
 G = 9.80665
 
@@ -129,3 +131,109 @@ def test_too_few_samples_are_refused(samples: int) -> None:
 def test_an_unknown_standard_names_the_known() -> None:
     with pytest.raises(SetupError, match="ece_r22_05"):
         evaluate(drop_record(), "ece_r99")
+
+
+def test_the_result_follows_its_json_schema() -> None:
+    jsonschema = pytest.importorskip("jsonschema")
+    path = share_directory() / "config" / "evaluation.schema.json"
+    validator = jsonschema.Draft202012Validator(json.loads(path.read_text(encoding="utf-8")))
+    for standard in ("ece_r22_05", "fmvss_218"):
+        validator.validate(json.loads(evaluate(drop_record(), standard).to_json()))
+    wrong = evaluate(drop_record()).as_dict()
+    del wrong["criteria"]["hic"]["limit"]
+    assert not validator.is_valid(wrong)
+
+
+def test_filtered_values_stand_beside_raw_ones() -> None:
+    record = drop_record()
+    record.head_acceleration[::2, 0] += 30 * G  # 10 kHz ringing
+    record.head_acceleration[1::2, 0] -= 30 * G
+    result = evaluate(record)
+    assert result.peak_g.value == pytest.approx(np.hypot(200, 30), rel=1e-3)
+    assert result.peak_g_cfc1000.value == pytest.approx(200, rel=1e-3)
+    assert result.hic_cfc1000.value == pytest.approx(0.4146456495 * 200**2.5 * 0.01, rel=1e-3)
+
+
+def test_a_low_sample_rate_is_said() -> None:
+    assert evaluate(drop_record()).warnings == ()
+    slow = evaluate(drop_record(step=1.25e-4))
+    assert any("needs at least 10 kHz" in line for line in slow.warnings)
+    slower = evaluate(drop_record(step=5e-4))
+    assert any("no CFC 1000 values" in line for line in slower.warnings)
+    assert "peak_g_cfc1000" not in slower.criteria and slower.peak_g.value > 190
+
+
+@pytest.mark.parametrize(
+    ("factor", "words"), [(1 / G, "looks like g where m/s\\^2 is meant"), (G, "larger than m/s")]
+)
+@pytest.mark.parametrize("peak_g", [20.0, 200.0])
+def test_an_acceleration_in_the_wrong_unit_is_given_away_by_the_velocity(
+    factor: float, words: str, peak_g: float
+) -> None:
+    record = drop_record(peak_g=peak_g)
+    wrong = replace(record, head_acceleration=record.head_acceleration * factor)
+    with pytest.raises(PulseError, match=f"head_acceleration: {words}"):
+        evaluate(wrong)
+
+
+def test_a_record_shorter_than_3_ms_has_no_clip() -> None:
+    result = evaluate(drop_record(length=0.002, duration=0.0025))
+    assert "clip_3ms" not in result.criteria
+    assert any("shorter than 3 ms" in line for line in result.warnings)
+
+
+def test_rotation_is_judged_in_head_axes() -> None:
+    """The same motion of the head, whatever way it faces in the world."""
+    time = drop_record().time
+    omega = np.outer(np.sin(np.pi * time / time[-1]) ** 2, [30.0, 10.0, 5.0])
+    alpha = np.gradient(omega, time, axis=0)
+    results = []
+    for turn in (Rotation.identity(), Rotation.from_euler("xyz", [20, -50, 130], degrees=True)):
+        record = replace(
+            drop_record(),
+            head_orientation=np.tile(turn.as_quat(), (len(time), 1)),
+            head_angular_velocity=turn.apply(omega),
+            head_angular_acceleration=turn.apply(alpha),
+        )
+        results.append(evaluate(record))
+    for name in ("bric", "bric_mps", "bric_csdm", "ubric", "damage", "ric"):
+        first, second = (r.criteria[name].value for r in results)
+        assert first > 0 and second == pytest.approx(first, rel=1e-9), name
+    assert results[0].bric.value == pytest.approx(
+        np.hypot(np.hypot(30 / 66.25, 10 / 56.45), 5 / 42.87)
+    )
+
+
+def test_helmet_and_neck_criteria_come_from_their_channels() -> None:
+    record = drop_record()
+    pulse = record.ground_force[:, 2]
+    record.coupling_force[:, 1] = -pulse
+    record.neck_force[:, 2] = -0.5 * pulse
+    record.neck_force[:, 0] = 0.1 * pulse
+    record.neck_torque[:, 1] = 0.01 * pulse
+    setup = {"helmet.liner.thickness": 0.04}
+    result = evaluate(replace(record, setup=setup))
+    assert result.bottoming.value == pytest.approx(0.5)
+    assert result.energy_peak.value == pytest.approx(0.5 * pulse.max() * 0.02, rel=1e-3)
+    assert result.energy_absorbed.value == pytest.approx(0.0, abs=1e-6)
+    assert result.restitution.value == pytest.approx(1.0)
+    assert result.peak_neck_axial.value == pytest.approx(0.5 * pulse.max())
+    assert result.peak_neck_axial.note == "tension"
+    assert result.peak_neck_compression.value == 0.0
+    assert result.peak_neck_shear.value == pytest.approx(0.1 * pulse.max())
+    assert result.peak_neck_bending.value == pytest.approx(0.01 * pulse.max())
+    assert result.impulse_ratio.value == pytest.approx(0.3)
+
+
+def test_every_risk_says_that_it_is_informative() -> None:
+    result = evaluate(drop_record())
+    risks = [c for name, c in result.criteria.items() if name.startswith("risk_")]
+    assert len(risks) == 14
+    assert all(c.note.startswith("informative: derived from") for c in risks)
+    assert all(0.0 <= c.value <= 1.0 for c in risks)
+
+
+def test_evaluation_is_deterministic_and_leaves_the_record_alone() -> None:
+    record, untouched = drop_record(), drop_record()
+    assert evaluate(record).to_json() == evaluate(record).to_json()
+    assert same_samples(record, untouched)

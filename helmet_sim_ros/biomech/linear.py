@@ -203,10 +203,10 @@ def time_above(resultant: FloatArray, time_step: float, threshold: float) -> flo
     """:func:`dwell` of a checked resultant, (n,)."""
     low = np.minimum(resultant[1:], resultant[:-1])
     high = np.maximum(resultant[1:], resultant[:-1])
-    reach = high > threshold
-    low, high = low[reach], high[reach]
-    span = np.maximum(high - low, np.finfo(float).tiny)
-    return float(np.minimum((high - threshold) / span, 1.0).sum()) * time_step
+    inside = float(np.count_nonzero(low >= threshold))
+    crossing = (low < threshold) & (high > threshold)
+    low, high = low[crossing], high[crossing]
+    return (inside + float(((high - threshold) / (high - low)).sum())) * time_step
 
 
 def velocity_change(acceleration_g: ArrayLike, time_step: float) -> Span:
