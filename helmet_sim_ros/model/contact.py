@@ -99,6 +99,7 @@ def friction_force(
 
 @njit(cache=True, nogil=True)
 def ground_contact(
+    helmet: int,
     body: NDArray[np.int64],
     center: FloatArray,
     semi_axes: FloatArray,
@@ -116,13 +117,14 @@ def ground_contact(
     """Add the ground's forces on all shapes.
 
     Args:
+        helmet: MuJoCo's index of the helmet body.
         body, center, semi_axes, law, stick: see :class:`Shapes`.
         step: time step [s].
         xpos, xmat, xipos, cvel: MuJoCo's body frames, mass centres and velocities.
         origin: point [m] to which ``cvel`` refers (centre of mass of the whole tree).
         applied: forces and torques on the bodies' mass centres, (bodies, 6); added to.
-        wrench: force [N] and moment about the world origin [N m], shape (2, 6): row 0 for shape 0
-            (the helmet), row 1 for the sum of all others; written.
+        wrench: force [N] and moment about the world origin [N m], shape (2, 6): row 0 for the
+            helmet, row 1 for the sum of all others; written.
     """
     wrench[:] = 0.0
     for i in range(len(body)):
@@ -151,7 +153,7 @@ def ground_contact(
             TANGENTIAL_SHARE * law[i, STIFFNESS], law[i, FRICTION] * fz, vx, vy, step, stick[i]
         )
         add_force(applied[b], xipos[b], px, py, pz, fx, fy, fz)
-        row = wrench[0 if i == 0 else 1]
+        row = wrench[0 if b == helmet else 1]
         row[0] += fx
         row[1] += fy
         row[2] += fz

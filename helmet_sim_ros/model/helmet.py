@@ -66,11 +66,40 @@ class Spring(Config):
     )
 
 
-class Liner(Config):
-    """Crushable EPS liner of the foam helmet."""
+class Zone(Config):
+    """A zone of the liner that differs from the rest of it."""
 
-    density: float = quantity("foam density", "kg/m^3", 40.0, ge=15.0, le=120.0)
-    thickness: float = quantity("liner thickness", "m", 0.040, ge=0.01, le=0.08)
+    density: float | None = quantity(
+        "foam density; unset: the liner's", "kg/m^3", None, ge=15.0, le=120.0
+    )
+    thickness: float | None = quantity(
+        "liner thickness; unset: the liner's", "m", None, ge=0.01, le=0.08
+    )
+
+
+class Liner(Config):
+    """Crushable EPS liner of the foam helmet; see model/foam.py for the law."""
+
+    density: float = quantity("foam density", "kg/m^3", ge=15.0, le=120.0)
+    thickness: float = quantity("liner thickness", "m", ge=0.01, le=0.08)
+    energy_returned: float = quantity(
+        "share of the crushing energy that unloading gives back", "-", 0.05, ge=0.005, le=0.5
+    )
+    columns: int = quantity("foam columns over the whole shell", "-", 600, ge=50, le=20000)
+    front: Zone = Field(default_factory=Zone)
+    back: Zone = Field(default_factory=Zone)
+    side: Zone = Field(default_factory=Zone)
+    top: Zone = Field(default_factory=Zone)
+
+    def zone_thickness(self, zone: str) -> float:
+        """Thickness of a zone [m]."""
+        own: float | None = getattr(self, zone).thickness
+        return self.thickness if own is None else own
+
+    def zone_density(self, zone: str) -> float:
+        """Density of a zone [kg/m^3]."""
+        own: float | None = getattr(self, zone).density
+        return self.density if own is None else own
 
 
 class Helmet(Config):
@@ -86,7 +115,7 @@ class Helmet(Config):
         "spring", description="what joins head and shell: coupling spring or foam liner"
     )
     spring: Spring
-    liner: Liner = Field(default_factory=Liner)
+    liner: Liner
 
     @model_validator(mode="after")
     def _consistent(self) -> Helmet:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from types import MappingProxyType
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -15,19 +16,23 @@ from helmet_sim_ros.biomech.record import (
     block_labels,
     to_block,
 )
-from helmet_sim_ros.errors import DivergedError
+from helmet_sim_ros.errors import DivergedError, PulseError
 from helmet_sim_ros.model import coupling
+from helmet_sim_ros.model.foam import residual_strain
+from helmet_sim_ros.model.liner import POINT, THICKNESS
 from helmet_sim_ros.model.loop import advance
 from helmet_sim_ros.model.setup import ImpactSetup
 from helmet_sim_ros.model.stops import joint_stops
 from helmet_sim_ros.model.world import build
 
 
-def simulate(setup: ImpactSetup) -> ImpactRecord:
+def simulate(setup: ImpactSetup, crush: FloatArray | None = None) -> ImpactRecord:
     """Simulate one impact.
 
     Args:
         setup: the impact; its ``duration`` and ``time_step`` give the number of samples.
+        crush: largest strain of each foam column in earlier impacts, ``extras["crush"]`` of the
+            last one; unset: a new helmet.
 
     Returns:
         Every sample of the impact, SI units, from the first touch of the ground.
@@ -35,7 +40,7 @@ def simulate(setup: ImpactSetup) -> ImpactRecord:
     Raises:
         DivergedError: the state stopped being finite.
     """
-    impact = Impact(setup)
+    impact = Impact(setup, crush)
     impact.advance(impact.total)
     return impact.record()
 
@@ -51,12 +56,12 @@ class Impact:
         notes: what a user should know about this setup, in words.
     """
 
-    def __init__(self, setup: ImpactSetup) -> None:
+    def __init__(self, setup: ImpactSetup, crush: FloatArray | None = None) -> None:
         self.setup = setup
         self.total = setup.samples
         world = build(setup)
         self.notes = world.notes
-        self._model, self._data, self._spec = world.model, world.data, world.spec
+        self._model, self._data, self._spec = world.parts.model, world.data, world.parts.spec
         model = self._model
         self._columns = _Columns(model)
         self.labels = block_labels(self._columns.joints)
@@ -71,6 +76,14 @@ class Impact:
         self._shapes = (
             shapes.body, shapes.center, shapes.semi_axes, shapes.law, shapes.new_state()
         )  # fmt: skip
+        columns = world.parts.columns
+        self._liner = (
+            columns.geometry, columns.foam, setup.friction,
+            np.zeros(len(columns)) if crush is None else np.array(crush, dtype=float),
+            np.zeros((len(columns), 2)),
+        )  # fmt: skip
+        if self._liner[3].shape != (len(columns),):
+            raise PulseError(f"crush: shape {self._liner[3].shape}, expected ({len(columns)},)")
         self._stops = joint_stops(model)
         self._samples = tuple(
             np.zeros((self.total, *columns))
@@ -99,7 +112,7 @@ class Impact:
             self._model._address, self._data._address, self._model.opt.timestep,
             self.setup.substeps, self._done, last,
             self._states, self._frames, self._forces, self._columns.slides, self._spring,
-            self._shapes, self._stops, self._samples,
+            self._shapes, self._liner, self._stops, self._samples,
         )  # fmt: skip
         if self._done < last:
             raise DivergedError(self._done * self.setup.time_step, self.setup.described())
@@ -129,11 +142,17 @@ class Impact:
         return str(self._spec.to_xml())
 
     def _slice(self, first: int, last: int) -> ImpactRecord:
-        q, v, sensors, spring_on_shell, ground = (rows[first:last] for rows in self._samples)
+        q, v, sensors, coupling_rows, ground = (rows[first:last] for rows in self._samples)
         columns, rider = self._columns, self.setup.rig == "rider"
-        displacement = q[:, columns.slides[0] : columns.slides[0] + 3]
         orientation = columns.read(sensors, "head_orientation")[:, [1, 2, 3, 0]]
         position = columns.read(sensors, "head_position")
+        turn = Rotation.from_quat(orientation)
+        if columns.slides[0] >= 0:
+            displacement = q[:, columns.slides[0] : columns.slides[0] + 3]
+            shell, force = position + turn.apply(displacement), -coupling_rows
+        else:  # the crushed liner, in the same sense: the ground pushes shell against head
+            displacement = turn.apply(np.array([0.0, 0.0, 1.0]), inverse=True) * coupling_rows[:, 2:]
+            shell, force = position, turn.apply(ground[:, 0, :3], inverse=True)
         gravity = np.array([0.0, 0.0, -self.setup.gravity])
         zeros = np.zeros((len(q), 3))
         return ImpactRecord(
@@ -145,11 +164,11 @@ class Impact:
             head_angular_velocity=columns.read(sensors, "head_angular_velocity"),
             head_position=position,
             head_orientation=orientation,
-            helmet_position=position + Rotation.from_quat(orientation).apply(displacement),
+            helmet_position=shell,
             helmet_orientation=orientation,
             ground_force=ground[:, 0, :3],
             ground_torque=ground[:, 0, 3:],
-            coupling_force=-spring_on_shell,
+            coupling_force=force,
             coupling_torque=-columns.read(sensors, "coupling_torque"),
             coupling_displacement=displacement,
             body_ground_force=ground[:, 1, :3],
@@ -159,16 +178,35 @@ class Impact:
             joint_positions=q[:, columns.qpos],
             joint_velocities=v[:, columns.qvel],
             setup=MappingProxyType(self.setup.described()),
-            extras=MappingProxyType({"notes": list(self.notes)}),
+            extras=MappingProxyType(self._extras()),
         )
+
+
+    def _extras(self) -> dict[str, Any]:
+        """Notes, and of a foam helmet the crush map so far."""
+        extras: dict[str, Any] = {"notes": list(self.notes)}
+        geometry, foam, _, largest, _ = self._liner
+        if len(geometry):
+            extras |= {
+                "crush": largest.copy(),
+                "residual_crush": np.array(
+                    [residual_strain(e, row) for e, row in zip(largest, foam, strict=True)]
+                )
+                * geometry[:, THICKNESS],
+                "column_position": geometry[:, POINT : POINT + 3].copy(),
+            }
+        return extras
 
 
 class _Columns:
     """Where named quantities stand in MuJoCo's state and sensor vectors."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
-        first = model.joint("coupling_x")
-        self.slides = (int(first.qposadr[0]), int(first.dofadr[0]))
+        helmet = int(model.body("helmet").id)
+        self.slides = (-1, -1, helmet)
+        if int(model.body("helmet").jntnum[0]):
+            first = model.joint("coupling_x")
+            self.slides = (int(first.qposadr[0]), int(first.dofadr[0]), helmet)
         names = [model.joint(j).name for j in range(model.njnt)]
         body = [j for j, n in enumerate(names) if n != "root" and not n.startswith("coupling_")]
         self.joints = tuple(names[j] for j in body)

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.model.contact import ground_contact
 from helmet_sim_ros.model.coupling import spring_force
+from helmet_sim_ros.model.liner import crush
 from helmet_sim_ros.model.stops import stop_torques
 
 
@@ -47,9 +48,10 @@ def advance(  # noqa: PLR0913 - flat arrays are what compiled code takes
     states: tuple[FloatArray, ...],
     frames: tuple[FloatArray, ...],
     forces: tuple[FloatArray, FloatArray],
-    slides: tuple[int, int],
+    slides: tuple[int, int, int],
     spring: tuple[FloatArray, float, FloatArray],
     shapes: tuple[NDArray[np.int64], FloatArray, FloatArray, FloatArray, FloatArray],
+    liner: tuple[FloatArray, FloatArray, float, FloatArray, FloatArray],
     stops: tuple[NDArray[np.int64], FloatArray],
     samples: tuple[FloatArray, ...],
 ) -> int:
@@ -62,12 +64,16 @@ def advance(  # noqa: PLR0913 - flat arrays are what compiled code takes
         states: views of qpos, qvel, qacc, sensordata.
         frames: views of xpos, xmat, xipos, cvel and the row of subtree_com of the tree's root.
         forces: views of qfrc_applied and xfrc_applied.
-        slides: index of the first coupling slide in qpos and in qvel.
+        slides: index of the first coupling slide in qpos and in qvel (negative: a foam helmet,
+            which has none), and the helmet's body.
         spring: law table, energy loss, state; see :mod:`helmet_sim_ros.model.coupling`.
         shapes: body, centre, semi-axes, law, stick; see :mod:`helmet_sim_ros.model.contact`.
+        liner: geometry, foam, friction, largest strains, stick of the foam columns; no rows for
+            a spring helmet. See :mod:`helmet_sim_ros.model.liner`.
         stops: joint addresses and laws; see :mod:`helmet_sim_ros.model.stops`.
-        samples: rows of qpos, qvel, sensordata, spring force (3) and the ground's two
-            wrenches (2, 6) to write.
+        samples: rows of qpos, qvel, sensordata, coupling (3) and the ground's two wrenches (2, 6)
+            to write. Coupling is the spring's force on the shell; of a foam helmet, the third
+            value is the depth of the crush.
 
     Returns:
         ``last``, or the index of the first sample whose acceleration is not finite.
@@ -77,23 +83,30 @@ def advance(  # noqa: PLR0913 - flat arrays are what compiled code takes
     generalised, cartesian = forces
     law, energy_loss, spring_state = spring
     body, center, semi_axes, contact_law, stick = shapes
-    q_rows, v_rows, sensor_rows, spring_rows, wrench_rows = samples
-    q0, v0 = slides
+    q_rows, v_rows, sensor_rows, coupling_rows, wrench_rows = samples
+    columns, foam, friction, largest, shear = liner
+    q0, v0, helmet = slides
     scratch_force, scratch_wrench = np.zeros(3), np.zeros((2, 6))
     for i in range(first, last):
         for substep in range(substeps):
             sampled = substep == 0
-            force = spring_rows[i] if sampled else scratch_force
+            force = coupling_rows[i] if sampled else scratch_force
             wrench = wrench_rows[i] if sampled else scratch_wrench
             _mj_step1(model, data)
-            spring_force(qpos[q0 : q0 + 3], law, energy_loss, spring_state, force)
-            generalised[v0 : v0 + 3] = force
+            if q0 >= 0:
+                spring_force(qpos[q0 : q0 + 3], law, energy_loss, spring_state, force)
+                generalised[v0 : v0 + 3] = force
             stop_torques(stops[0], stops[1], qpos, qvel, generalised)
             cartesian[:] = 0.0
             ground_contact(
-                body, center, semi_axes, contact_law, stick, step,
+                helmet, body, center, semi_axes, contact_law, stick, step,
                 xpos, xmat, xipos, cvel, center_of_mass, cartesian, wrench,
             )  # fmt: skip
+            if q0 < 0:
+                force[2] = crush(
+                    columns, foam, friction, step, largest, shear, xpos[helmet], xmat[helmet],
+                    cvel[helmet], center_of_mass, xipos[helmet], cartesian[helmet], wrench[0],
+                )  # fmt: skip
             if sampled:
                 q_rows[i] = qpos
                 v_rows[i] = qvel

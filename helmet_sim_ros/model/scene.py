@@ -47,7 +47,7 @@ class Scene:
     def __init__(self, setup: ImpactSetup) -> None:
         self.setup = setup
         world = build(setup)
-        self.model, self.data = world.model, world.data
+        self.model, self.data = world.parts.model, world.data
         model = self.model
         self._geoms = [g for g in range(model.ngeom) if model.geom(g).name != "ground"]
         drawn = [
@@ -65,8 +65,9 @@ class Scene:
     def pose(self, record: ImpactRecord, index: int) -> None:
         """Put ``data`` into the pose of one sample of a record of this setup."""
         qpos, model = self.data.qpos, self.model
-        first = int(model.joint("coupling_x").qposadr[0])
-        qpos[first : first + 3] = record.coupling_displacement[index]
+        if self.setup.helmet_config.coupling == "spring":
+            first = int(model.joint("coupling_x").qposadr[0])
+            qpos[first : first + 3] = record.coupling_displacement[index]
         for name, value in zip(record.joint_names, record.joint_positions[index], strict=True):
             qpos[int(model.joint(name).qposadr[0])] = value
         rotation = np.empty(9)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import mujoco
 import numpy as np
@@ -11,8 +12,10 @@ import numpy as np
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.model.anthropometry import anthropometry
 from helmet_sim_ros.model.body import BODY_CONTACT, add_body
-from helmet_sim_ros.model.contact import Shapes
-from helmet_sim_ros.model.setup import ImpactSetup
+from helmet_sim_ros.model.contact import FRICTION, Shapes
+from helmet_sim_ros.model.helmet import Helmet
+from helmet_sim_ros.model.liner import Columns, columns, no_columns
+from helmet_sim_ros.model.setup import ImpactSetup, Rider
 
 HELMET_COLOR = (0.20, 0.36, 0.62, 0.9)
 GROUND_COLOR = (0.55, 0.55, 0.55, 1.0)
@@ -28,41 +31,75 @@ FACING = {
 
 
 @dataclass(frozen=True)
-class World:
-    """A compiled model with its state at the first touch.
+class Parts:
+    """What setups of the same rider, helmet and step share; nothing here may be changed.
 
     Attributes:
-        model, data: MuJoCo's; ``data`` holds the initial state.
-        spec: the editable model, for export.
-        shapes: what may touch the ground, the helmet first.
-        notes: what a user should know about this setup, in words.
+        model: compiled model.
+        spec: the same as an editable specification, for export.
+        shapes: what may touch the ground by a stiff contact.
+        columns: the foam helmet's columns, none for a spring helmet.
     """
 
     model: mujoco.MjModel
-    data: mujoco.MjData
     spec: mujoco.MjSpec
+    shapes: Shapes
+    columns: Columns
+
+
+@dataclass(frozen=True)
+class World:
+    """The model of one impact with its state at the first touch.
+
+    Attributes:
+        parts: shared with other impacts.
+        data: holds the initial state.
+        shapes: ``parts.shapes`` with the friction of this setup.
+        notes: what a user should know about this setup, in words.
+    """
+
+    parts: Parts
+    data: mujoco.MjData
     shapes: Shapes
     notes: tuple[str, ...]
 
 
 def build(setup: ImpactSetup) -> World:
     """Compile the model of a setup and place it at the first touch of the ground."""
-    spec = _empty_world(setup)
-    body = anthropometry(setup.rider)
-    if setup.rig == "rider":
-        head = add_body(spec, setup.rider, body, math.radians(setup.resolved_neck_flexion_deg))
+    parts = _parts(
+        setup.rig, setup.rider, setup.helmet_config, setup.resolved_neck_flexion_deg,
+        setup.gravity, setup.time_step / setup.substeps,
+    )  # fmt: skip
+    shapes = parts.shapes
+    if setup.helmet_config.coupling == "spring":
+        law = shapes.law.copy()
+        law[0, FRICTION] = setup.friction  # row 0 is the shell
+        shapes = replace(shapes, law=law)
+    data = mujoco.MjData(parts.model)
+    notes = _place(parts.model, data, shapes, setup)
+    return World(parts, data, shapes, notes)
+
+
+@lru_cache(maxsize=32)
+def _parts(
+    rig: str, rider: Rider, helmet: Helmet, neck_flexion_deg: float, gravity: float, step: float
+) -> Parts:
+    spec = _empty_world(gravity, step)
+    body = anthropometry(rider)
+    if rig == "rider":
+        head = add_body(spec, rider, body, math.radians(neck_flexion_deg))
     else:
         head = spec.worldbody.add_body(name="head")
         head.add_freejoint(name="root")
     segment = body.segments["head"]
     _rigid(head, segment.mass, [0.0, 0.0, 0.0], list(segment.inertia))
-    _add_helmet(head, setup)
-    _add_sensors(spec, setup)
+    _add_helmet(head, helmet)
+    _add_sensors(spec, rig)
     model = spec.compile()
-    data = mujoco.MjData(model)
-    shapes = _contact_shapes(model, setup)
-    notes = _place(model, data, shapes, setup)
-    return World(model, data, spec, shapes, notes)
+    foam = helmet.coupling == "foam"
+    return Parts(
+        model, spec, _contact_shapes(model, helmet), columns(helmet) if foam else no_columns()
+    )
 
 
 def head_to_world(setup: ImpactSetup) -> FloatArray:
@@ -101,13 +138,13 @@ def _frame(direction: str, facing: FloatArray, up: FloatArray) -> FloatArray:
     return np.column_stack([np.cross(y, up), y, up])
 
 
-def _empty_world(setup: ImpactSetup) -> mujoco.MjSpec:
+def _empty_world(gravity: float, step: float) -> mujoco.MjSpec:
     spec = mujoco.MjSpec()
     spec.modelname = "impact"
     spec.compiler.degree = False
     option = spec.option
-    option.timestep = setup.time_step / setup.substeps
-    option.gravity = [0.0, 0.0, -setup.gravity]
+    option.timestep = step
+    option.gravity = [0.0, 0.0, -gravity]
     option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     option.solver = mujoco.mjtSolver.mjSOL_NEWTON
@@ -124,16 +161,18 @@ def _empty_world(setup: ImpactSetup) -> mujoco.MjSpec:
     return spec
 
 
-def _add_helmet(head: mujoco.MjsBody, setup: ImpactSetup) -> None:
-    """The struck shell on its three slides, and the rest of the helmet fixed to the head."""
-    helmet = setup.helmet_config
+def _add_helmet(head: mujoco.MjsBody, helmet: Helmet) -> None:
+    """A foam helmet is fixed to the head. Of a spring helmet the struck part of the shell moves on
+    three slides against the head, and the rest is fixed to the head."""
     center = list(helmet.shell.center)
-    share = helmet.shell.effective_mass / helmet.mass
     shell = head.add_body(name="helmet")
-    for name, axis in (("x", (1, 0, 0)), ("y", (0, 1, 0)), ("z", (0, 0, 1))):
-        shell.add_joint(
-            name=f"coupling_{name}", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=list(axis)
-        )
+    share = 1.0
+    if helmet.coupling == "spring":
+        share = helmet.shell.effective_mass / helmet.mass
+        for name, axis in (("x", (1, 0, 0)), ("y", (0, 1, 0)), ("z", (0, 0, 1))):
+            shell.add_joint(
+                name=f"coupling_{name}", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=list(axis)
+            )
     _rigid(shell, share * helmet.mass, center, [share * i for i in helmet.inertia])
     shell.add_geom(
         name="shell", type=mujoco.mjtGeom.mjGEOM_ELLIPSOID, size=list(helmet.shell.semi_axes),
@@ -150,7 +189,7 @@ def _rigid(body: mujoco.MjsBody, mass: float, at: list[float], inertia: list[flo
     body.explicitinertial = True
 
 
-def _add_sensors(spec: mujoco.MjSpec, setup: ImpactSetup) -> None:
+def _add_sensors(spec: mujoco.MjSpec, rig: str) -> None:
     """Motion of the head frame, and what helmet and neck transmit (MuJoCo: parent on child)."""
     kind, frame, site = mujoco.mjtSensor, mujoco.mjtObj.mjOBJ_XBODY, mujoco.mjtObj.mjOBJ_SITE
     sensors = [
@@ -162,7 +201,7 @@ def _add_sensors(spec: mujoco.MjSpec, setup: ImpactSetup) -> None:
         ("head_angular_acceleration", kind.mjSENS_FRAMEANGACC, frame, "head"),
         ("coupling_torque", kind.mjSENS_TORQUE, site, "coupling"),
     ]
-    if setup.rig == "rider":
+    if rig == "rider":
         sensors += [
             ("neck_force", kind.mjSENS_FORCE, site, "neck_load"),
             ("neck_torque", kind.mjSENS_TORQUE, site, "neck_load"),
@@ -171,13 +210,14 @@ def _add_sensors(spec: mujoco.MjSpec, setup: ImpactSetup) -> None:
         spec.add_sensor(name=name, type=sensor, objtype=objtype, objname=objname)
 
 
-def _contact_shapes(model: mujoco.MjModel, setup: ImpactSetup) -> Shapes:
-    """The shell, and every geom of the body; a capsule touches with the spheres at its ends."""
-    shell = setup.helmet_config.shell
-    rows = [
-        (int(model.body("helmet").id), shell.center, shell.semi_axes,
-         (shell.contact_stiffness, shell.contact_damping, setup.friction))
-    ]  # fmt: skip
+def _contact_shapes(model: mujoco.MjModel, helmet: Helmet) -> Shapes:
+    """The shell of a spring helmet, and every geom of the body; a capsule touches with the
+    spheres at its ends."""
+    shell = helmet.shell
+    rows = []
+    if helmet.coupling == "spring":
+        law = (shell.contact_stiffness, shell.contact_damping, 0.0)
+        rows.append((int(model.body("helmet").id), shell.center, shell.semi_axes, law))
     for geom in range(model.ngeom):
         if model.geom(geom).name in ("ground", "shell"):
             continue
@@ -190,9 +230,9 @@ def _contact_shapes(model: mujoco.MjModel, setup: ImpactSetup) -> Shapes:
         mujoco.mju_rotVecQuat(axis, np.array([0.0, 0.0, size[1]]), model.geom_quat[geom])
         for end in (at - axis, at + axis):
             rows.append((body, tuple(end), (size[0],) * 3, BODY_CONTACT))
-    body_ids, centers, axes, laws = zip(*rows, strict=True)
     return Shapes(
-        np.array(body_ids), np.array(centers, float), np.array(axes, float), np.array(laws, float)
+        np.array([row[0] for row in rows], dtype=np.int64),
+        *(np.array([row[k] for row in rows], dtype=float).reshape(-1, 3) for k in (1, 2, 3)),
     )
 
 
@@ -246,8 +286,9 @@ def _lowest_body_part(
     model: mujoco.MjModel, data: mujoco.MjData, shapes: Shapes
 ) -> tuple[str, float]:
     """Name and height [m] of the lowest point of the body, helmet left out."""
-    heights = shapes.lowest_points(data.xpos, data.xmat)[1:]
+    heights = shapes.lowest_points(data.xpos, data.xmat)
+    heights[shapes.body == model.body("helmet").id] = math.inf
     if not len(heights):
         return "", math.inf
     lowest = int(heights.argmin())
-    return model.body(shapes.body[1 + lowest]).name, float(heights[lowest])
+    return model.body(shapes.body[lowest]).name, float(heights[lowest])

@@ -1,0 +1,162 @@
+"""The foam helmet: columns of liner over an ellipsoidal shell, crushed by the flat ground.
+
+What deforms: the liner, column by column, along the ground's normal (EPS hardly spreads sideways
+when crushed), between the flat ground and the head; each column in shear along the ground. What is
+rigid: head, ground, and the helmet outside the crushed cap, which moves with the head. What is
+left out: the shell's bending stiffness and the mass of its struck patch, the comfort padding, the
+sliding of the head in the liner, and the face opening.
+
+A column is a cell of the outer surface with its outward normal n, area and liner thickness t. At
+an angle a to the ground's normal a crush depth d strains it by d cos(a) / t over the projected
+area. Cells that straddle the ground plane count with the share of their area below it, which makes
+a few hundred of them converge.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from helmet_sim_ros.biomech.record import FloatArray
+from helmet_sim_ros.model.contact import add_force, friction_force
+from helmet_sim_ros.model.foam import MODULUS, foam_row, foam_stress
+from helmet_sim_ros.model.helmet import Helmet, Liner
+
+POISSON = 0.1  # EPS (general literature value): G = E / (2 (1 + nu))
+
+#: Columns of a column's row: outer point (3) [m] and outward normal (3) in the helmet frame, area
+#: [m^2], thickness [m], radius of the cell [m].
+POINT, NORMAL, AREA, THICKNESS, RADIUS = 0, 3, 6, 7, 8
+
+
+@dataclass(frozen=True)
+class Columns:
+    """The columns of one helmet; row i belongs to column i.
+
+    Attributes:
+        geometry: (n, 9), see above.
+        foam: constants of each column's foam, (n, 5); see :mod:`helmet_sim_ros.model.foam`.
+    """
+
+    geometry: FloatArray
+    foam: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.geometry)
+
+
+def no_columns() -> Columns:
+    """What a spring helmet has."""
+    return Columns(np.zeros((0, 9)), np.zeros((0, 5)))
+
+
+def columns(helmet: Helmet) -> Columns:
+    """The columns of a helmet: a Fibonacci lattice mapped onto the shell's ellipsoid.
+
+    The lattice spreads n directions evenly over the unit sphere; direction u maps to the point D u
+    with D = diag(semi-axes), with area det(D) |D^-1 u| 4 pi / n and normal along D^-1 u.
+    """
+    axes, liner = np.array(helmet.shell.semi_axes), helmet.liner
+    n = liner.columns
+    height = 1.0 - (2.0 * np.arange(n) + 1.0) / n
+    turn = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(n)  # golden angle
+    ring = np.sqrt(1.0 - height**2)
+    u = np.column_stack([ring * np.cos(turn), ring * np.sin(turn), height])
+    normal = u / axes
+    stretch = np.linalg.norm(normal, axis=1)
+    normal /= stretch[:, None]
+    area = axes.prod() * stretch * 4.0 * np.pi / n
+    thickness, density = _zoned(liner, normal)
+    geometry = np.column_stack(
+        [axes * u + np.array(helmet.shell.center), normal, area, thickness, np.sqrt(area / np.pi)]
+    )
+    foam = np.array([foam_row(rho, liner.energy_returned) for rho in density])
+    return Columns(geometry, foam)
+
+
+def _zoned(liner: Liner, normal: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Thickness [m] and density [kg/m^3] at each normal: zones blend with its squared components."""
+    thickness, density = np.zeros(len(normal)), np.zeros(len(normal))
+    for axis, (negative, positive) in enumerate((("back", "front"), ("side", "side"), ("top", "top"))):
+        weight = normal[:, axis] ** 2
+        for zone, here in ((negative, normal[:, axis] < 0.0), (positive, normal[:, axis] >= 0.0)):
+            thickness += np.where(here, weight * liner.zone_thickness(zone), 0.0)
+            density += np.where(here, weight * liner.zone_density(zone), 0.0)
+    return thickness, density
+
+
+@njit(cache=True, nogil=True)
+def crush(
+    geometry: FloatArray,
+    foam: FloatArray,
+    friction: float,
+    step: float,
+    largest: FloatArray,
+    stick: FloatArray,
+    position: FloatArray,
+    rotation: FloatArray,
+    velocity: FloatArray,
+    origin: FloatArray,
+    about: FloatArray,
+    applied: FloatArray,
+    wrench: FloatArray,
+) -> float:
+    """Add the ground's forces on every column.
+
+    Args:
+        geometry, foam: see :class:`Columns`.
+        friction: of shell on ground [-].
+        step: time step [s].
+        largest: largest strain of each column so far, (n,); changed in place.
+        stick: shear deflection of each column along world x and y, (n, 2) [m]; changed in place.
+        position, rotation, velocity: of the helmet body: xpos (3,), xmat (9,), cvel (6,).
+        origin: point to which ``velocity`` refers [m].
+        about: the body's centre of mass [m].
+        applied: force and torque on the body, (6,); added to.
+        wrench: force [N] and moment about the world origin [N m], (6,); added to.
+
+    Returns:
+        The deepest crush along the ground's normal [m].
+    """
+    m = rotation
+    deepest = 0.0
+    for i in range(len(geometry)):
+        g = geometry[i]
+        depth = -(position[2] + m[6] * g[0] + m[7] * g[1] + m[8] * g[2])
+        if depth < -g[RADIUS]:
+            stick[i] = 0.0
+            continue
+        cosine = -(m[6] * g[3] + m[7] * g[4] + m[8] * g[5])
+        if cosine <= 0.0:
+            continue
+        # A tilted cell spans this height to either side of its centre.
+        half = g[RADIUS] * max(0.0, 1.0 - cosine * cosine) ** 0.5
+        if depth <= -half:
+            stick[i] = 0.0
+            continue
+        share = 1.0
+        if depth < half:
+            share = (depth + half) / (2.0 * half)
+            depth = 0.5 * (depth + half)  # mean depth of the part below the plane
+        deepest = max(deepest, depth)
+        strain = depth * cosine / g[THICKNESS]
+        fz = foam_stress(strain, largest[i], foam[i]) * g[AREA] * share * cosine
+        largest[i] = max(largest[i], strain)
+        px = position[0] + m[0] * g[0] + m[1] * g[1] + m[2] * g[2]
+        py = position[1] + m[3] * g[0] + m[4] * g[1] + m[5] * g[2]
+        # The crushed shell lies on the ground: velocity of the helmet frame there.
+        rx, ry, rz = px - origin[0], py - origin[1], -origin[2]
+        vx = velocity[3] + velocity[1] * rz - velocity[2] * ry
+        vy = velocity[4] + velocity[2] * rx - velocity[0] * rz
+        shear = foam[i, MODULUS] / (2.0 * (1.0 + POISSON)) * g[AREA] * share * cosine / g[THICKNESS]
+        fx, fy = friction_force(shear, friction * fz, vx, vy, step, stick[i])
+        add_force(applied, about, px, py, 0.0, fx, fy, fz)
+        wrench[0] += fx
+        wrench[1] += fy
+        wrench[2] += fz
+        wrench[3] += py * fz
+        wrench[4] -= px * fz
+        wrench[5] += px * fy - py * fx
+    return deepest
