@@ -1,0 +1,5 @@
+"""Impact logs: MCAP files that any ROS 2 tool opens and that read back without ROS."""
+
+from helmet_sim_ros.mcap_log.reader import ImpactLog, LoggedImpact, open_log, read_impacts
+
+__all__ = ["ImpactLog", "LoggedImpact", "open_log", "read_impacts"]

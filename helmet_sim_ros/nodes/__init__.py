@@ -1,0 +1,9 @@
+"""ROS 2 nodes; each is a process of its own. The rest of the package works without ROS."""
+
+try:
+    import rclpy  # noqa: F401
+except ImportError as error:
+    raise ImportError(
+        f"the nodes need ROS 2 (rclpy: {error}): pip install 'helmet_sim_ros[ros]', "
+        "or source a ROS 2 workspace"
+    ) from None

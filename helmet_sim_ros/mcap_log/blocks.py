@@ -1,0 +1,141 @@
+"""Sample blocks: how the samples of an impact travel and how a reader proves it has them all."""
+
+from __future__ import annotations
+
+import json
+from collections import deque
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from helmet_sim_ros.biomech.pulse import uniform_time_step
+from helmet_sim_ros.biomech.record import FloatArray, ImpactRecord, from_block
+from helmet_sim_ros.errors import IncompleteError, PulseError
+
+
+@dataclass(frozen=True)
+class Block:
+    """A run of consecutive samples of one impact.
+
+    Attributes:
+        impact_id: unique over all impacts of all processes.
+        first: index of the first row in the impact.
+        total: samples of the whole impact.
+        start_time: simulation time of the impact's first sample [s].
+        labels: column names, see :func:`helmet_sim_ros.biomech.record.block_labels`.
+        data: shape (rows, len(labels)), SI units.
+        setup: the impact setup as plain data; in the first block only.
+        model: the compiled model as MJCF text; in the first block only.
+        aborted: why the impact ends here, unfinished; such a block has no rows.
+    """
+
+    impact_id: str
+    first: int
+    total: int
+    start_time: float
+    labels: tuple[str, ...]
+    data: FloatArray
+    setup: Mapping[str, Any] | None = None
+    model: str | None = None
+    aborted: str | None = None
+
+    def header(self) -> str:
+        """Everything but labels and data, as JSON; values that are None are left out."""
+        names = ("impact_id", "first", "total", "start_time", "setup", "model", "aborted")
+        values = {name: getattr(self, name) for name in names}
+        return json.dumps({k: v for k, v in values.items() if v is not None})
+
+
+def parse_block(header: str, labels: str, data: Sequence[float] | FloatArray) -> Block:
+    """The block of a message: JSON header, comma-joined labels, values row by row.
+
+    Raises:
+        IncompleteError: not a sample block, or one that contradicts itself.
+    """
+    try:
+        fields = json.loads(header)
+        names = tuple(labels.split(","))
+        values = np.asarray(data, dtype=np.float64)
+        block = Block(data=values.reshape(-1, len(names)), labels=names, **fields)
+        whole = isinstance(block.first, int) and isinstance(block.total, int)
+        if not whole or not isinstance(block.impact_id, str):
+            raise TypeError("impact_id must be text, first and total integers")
+        if not 0 <= block.first <= block.first + len(block.data) <= block.total:
+            raise ValueError(
+                f"rows {block.first} to {block.first + len(block.data)} of {block.total}"
+            )
+        float(block.start_time)
+    except (TypeError, ValueError) as error:
+        raise IncompleteError(f"not a block of samples: {error}") from None
+    return block
+
+
+@dataclass(frozen=True)
+class Assembled:
+    """What became of one impact: ``record`` if every sample arrived, else ``problem``."""
+
+    impact_id: str
+    start_time: float
+    total: int
+    record: ImpactRecord | None
+    problem: str = ""
+
+
+class Assembler:
+    """Puts blocks together, one impact at a time, and refuses what is not complete and in order."""
+
+    def __init__(self) -> None:
+        self._blocks: list[Block] = []
+        # Impacts already reported: what still arrives of them is ignored, unless it starts anew.
+        self._ended: deque[str] = deque(maxlen=100)
+
+    @property
+    def pending(self) -> str | None:
+        """The impact that is under way, if any."""
+        return self._blocks[0].impact_id if self._blocks else None
+
+    def feed(self, block: Block) -> list[Assembled]:
+        """Take the next block; what ended with it, oldest first (usually nothing or one)."""
+        ended = []
+        if self._blocks and block.impact_id != self.pending:
+            ended.append(self._give_up(f"followed by impact {block.impact_id}"))
+        if not self._blocks and block.first > 0 and block.impact_id in self._ended:
+            return ended
+        expected = self._blocks[-1].first + len(self._blocks[-1].data) if self._blocks else 0
+        self._blocks.append(block)
+        if block.aborted is not None:
+            ended.append(self._give_up(block.aborted))
+        elif block.first != expected:
+            ended.append(self._give_up(f"sample {expected} expected, {block.first} arrived"))
+        elif (block.labels, block.total) != (self._blocks[0].labels, self._blocks[0].total):
+            ended.append(self._give_up("channels or length changed on the way"))
+        elif block.first + len(block.data) == block.total:
+            ended.append(self._complete())
+        return ended
+
+    def abandon(self, reason: str) -> list[Assembled]:
+        """Give up the impact under way, if any: no more blocks will come."""
+        return [self._give_up(reason)] if self._blocks else []
+
+    def _complete(self) -> Assembled:
+        first = self._blocks[0]
+        try:
+            record = from_block(
+                list(first.labels), np.concatenate([b.data for b in self._blocks]), first.setup
+            )
+            uniform_time_step(record.time)
+        except PulseError as error:
+            return self._give_up(str(error))
+        self._blocks = []
+        self._ended.append(first.impact_id)
+        return Assembled(first.impact_id, first.start_time, first.total, record)
+
+    def _give_up(self, reason: str) -> Assembled:
+        first, last = self._blocks[0], self._blocks[-1]
+        self._blocks = []
+        self._ended.append(first.impact_id)
+        arrived = last.first if reason == last.aborted else last.first + len(last.data)
+        problem = f"incomplete: {reason} (impact {first.impact_id}, {arrived} of {first.total})"
+        return Assembled(first.impact_id, first.start_time, first.total, None, problem)

@@ -1,0 +1,128 @@
+"""Write an impact log: one MCAP file, under a temporary name until it is complete."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from mcap.well_known import MessageEncoding, Profile, SchemaEncoding
+from mcap.writer import CompressionType, Writer
+
+from helmet_sim_ros.errors import LogError
+from helmet_sim_ros.mcap_log.schemas import message_definition, type_hash
+
+#: Suffix of a log that is still being written, or that was never finished.
+PART = ".part"
+
+
+class LogWriter:
+    """An MCAP file of the ``ros2`` profile. Every method may raise :class:`LogError`.
+
+    The file is ``path`` plus ``.part`` until :meth:`close`; it never replaces an existing file.
+
+    Attributes:
+        path: the final name.
+    """
+
+    def __init__(self, path: Path, library: str = "helmet_sim_ros") -> None:
+        """Create the file.
+
+        Raises:
+            LogError: it exists, or cannot be written.
+        """
+        self.path = path
+        self._part = path.with_name(path.name + PART)
+        if path.exists():
+            raise LogError(f"{path}: exists already")
+        try:
+            self._stream = open(self._part, "xb")  # noqa: SIM115 - closed by close()
+        except OSError as error:
+            raise LogError(f"{self._part}: cannot be created: {error.strerror}") from error
+        self._writer = Writer(self._stream, compression=CompressionType.ZSTD)
+        self._channels: dict[str, int] = {}
+        self._schemas: dict[str, int] = {}
+        self._guarded(self._writer.start, Profile.ROS2, library)
+
+    @property
+    def size(self) -> int:
+        """Bytes written so far, without what is still buffered for compression."""
+        return self._stream.tell()
+
+    def add_channel(self, topic: str, type_name: str, qos: str) -> None:
+        """Declare a topic once; declaring it again changes nothing.
+
+        Args:
+            topic: absolute topic name.
+            type_name: full message type, ``geometry_msgs/msg/AccelStamped``.
+            qos: YAML list of the QoS profiles that its publisher offers.
+        """
+        if topic in self._channels:
+            return
+        if type_name not in self._schemas:
+            definition = message_definition(type_name).encode()
+            self._schemas[type_name] = self._guarded(
+                self._writer.register_schema, type_name, SchemaEncoding.ROS2, definition
+            )
+        metadata = {"offered_qos_profiles": qos, "topic_type_hash": type_hash(type_name)}
+        self._channels[topic] = self._guarded(
+            self._writer.register_channel,
+            topic, MessageEncoding.CDR, self._schemas[type_name], metadata,
+        )  # fmt: skip
+
+    def write(self, topic: str, time_ns: int, data: bytes) -> None:
+        """Append one serialised message of a declared topic, at a simulation time [ns]."""
+        try:
+            self._writer.add_message(self._channels[topic], time_ns, data, time_ns)
+        except OSError as error:
+            raise self._failed(error) from error
+
+    def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
+        """Append a named metadata record."""
+        self._guarded(self._writer.add_metadata, name, dict(values))
+
+    def attach(self, name: str, media_type: str, text: str, time_ns: int) -> None:
+        """Append a text file as attachment, at a simulation time [ns]."""
+        self._guarded(
+            self._writer.add_attachment, time_ns, time_ns, name, media_type, text.encode()
+        )
+
+    def flush(self) -> None:
+        """Hand everything so far to the operating system: it survives the end of this process."""
+        self._guarded(self._writer.flush)
+
+    def close(self) -> Path:
+        """Write the index, and give the file its final name.
+
+        Returns:
+            The final name.
+
+        Raises:
+            LogError: the disk is full or gone; what could be written stays under ``.part``.
+        """
+        try:
+            self._writer.finish()  # type: ignore[no-untyped-call]
+            self._stream.flush()
+            os.fsync(self._stream.fileno())
+            self._stream.close()
+            os.replace(self._part, self.path)
+        except OSError as error:
+            raise self._failed(error) from error
+        return self.path
+
+    def abandon(self) -> None:
+        """Close the file as it is, under its temporary name."""
+        try:
+            self._stream.close()
+        except OSError:
+            self._stream.raw.close()  # what was buffered cannot be written
+
+    def _guarded(self, action: Callable[..., Any], *arguments: Any) -> Any:
+        try:
+            return action(*arguments)
+        except OSError as error:
+            raise self._failed(error) from error
+
+    def _failed(self, error: OSError) -> LogError:
+        return LogError(f"{self._part}: cannot be written: {error.strerror or error}")

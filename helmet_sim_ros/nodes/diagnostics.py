@@ -1,0 +1,124 @@
+"""Criteria as ``diagnostic_msgs``, and back."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import fields
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+
+from helmet_sim_ros.biomech.result import Criterion, Evaluation
+from helmet_sim_ros.errors import NodeError
+from helmet_sim_ros.nodes.conversion import stamp
+
+#: Name of the only status of an impact that could not be evaluated.
+NOT_EVALUATED = "not_evaluated"
+#: From this share of its limit on, a criterion that passes is a warning.
+CLOSE = 0.9
+
+_WHOLE = "evaluation."
+#: Values that are plain text; all others are JSON.
+_TEXTS = {f.name for f in fields(Criterion) if f.type in ("str", "Verdict")}
+_TEXTS |= {_WHOLE + f.name for f in fields(Evaluation) if f.type == "str"} | {_WHOLE + "verdict"}
+
+
+def from_evaluation(evaluation: Evaluation, impact_id: str, time_ns: int) -> DiagnosticArray:
+    """One status per criterion; ``hardware_id`` is the impact.
+
+    The values are the fields of :class:`Criterion`, the window as ``t1`` and ``t2``; numbers read
+    back bit for bit. What belongs to the whole evaluation is in the first status.
+    """
+    whole = evaluation.as_dict()
+    criteria = whole.pop("criteria")
+    statuses: list[DiagnosticStatus] = []
+    for criterion in evaluation.criteria.values():
+        values = criteria[criterion.name]
+        values["t1"], values["t2"] = values.pop("window") or (None, None)
+        del values["name"]
+        if not statuses:
+            values |= {_WHOLE + key: value for key, value in whole.items()}
+        statuses.append(
+            DiagnosticStatus(
+                level=_level(criterion),
+                name=criterion.name,
+                message=_message(criterion),
+                hardware_id=impact_id,
+                values=_key_values(values),
+            )
+        )
+    return _array(statuses, time_ns)
+
+
+def from_problem(problem: str, impact_id: str, time_ns: int) -> DiagnosticArray:
+    """The answer for an impact without a result: an error, and no number."""
+    status = DiagnosticStatus(
+        level=DiagnosticStatus.ERROR, name=NOT_EVALUATED, message=problem, hardware_id=impact_id
+    )
+    return _array([status], time_ns)
+
+
+def to_evaluation(array: Any) -> tuple[str, Evaluation]:
+    """Impact id and evaluation of a message of :func:`from_evaluation`.
+
+    Raises:
+        NodeError: the impact could not be evaluated (the reason), or not such a message.
+    """
+    if not array.status:
+        raise NodeError("no criteria in this message")
+    first = array.status[0]
+    if first.name == NOT_EVALUATED:
+        raise NodeError(first.message)
+    try:
+        data: dict[str, Any] = {"criteria": {}}
+        for status in array.status:
+            values = {pair.key: _parsed(pair.key, pair.value) for pair in status.values}
+            data |= {
+                key.removeprefix(_WHOLE): values.pop(key)
+                for key in list(values)
+                if key.startswith(_WHOLE)
+            }
+            t1, t2 = values.pop("t1", None), values.pop("t2", None)
+            window = None if t1 is None else [t1, t2]
+            data["criteria"][status.name] = values | {"name": status.name, "window": window}
+        return first.hardware_id, Evaluation.from_dict(data)
+    except ValueError as error:
+        raise NodeError(f"not criteria of an impact: {error}") from error
+
+
+def _level(criterion: Criterion) -> bytes:
+    level: bytes = DiagnosticStatus.OK
+    if criterion.verdict == "fail":
+        level = DiagnosticStatus.ERROR
+    elif criterion.limit is not None and criterion.value >= CLOSE * criterion.limit:
+        level = DiagnosticStatus.WARN
+    return level
+
+
+def _message(criterion: Criterion) -> str:
+    unit = "" if criterion.unit == "-" else f" {criterion.unit}"
+    text = f"{criterion.value:.4g}{unit}"
+    if criterion.limit is not None:
+        text += f", limit {criterion.limit:.4g}{unit}: {criterion.verdict}"
+    return text
+
+
+def _key_values(values: dict[str, Any]) -> list[KeyValue]:
+    return [
+        KeyValue(
+            key=key, value=value if isinstance(value, str) else json.dumps(value, allow_nan=False)
+        )
+        for key, value in values.items()
+        if value not in (None, "")
+    ]
+
+
+def _parsed(key: str, value: str) -> Any:
+    return value if key in _TEXTS else json.loads(value)
+
+
+def _array(statuses: list[DiagnosticStatus], time_ns: int) -> DiagnosticArray:
+    array = DiagnosticArray(status=statuses)
+    array.header.stamp = stamp(time_ns)
+    array.header.frame_id = "head"
+    return array

@@ -1,0 +1,157 @@
+"""One log file in progress: sample blocks in, every channel at full rate out."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import platform
+from collections.abc import Callable
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from rclpy.serialization import serialize_message
+from rosgraph_msgs.msg import Clock
+
+from helmet_sim_ros.biomech.record import ImpactRecord, from_block
+from helmet_sim_ros.mcap_log.blocks import Assembled, Block
+from helmet_sim_ros.mcap_log.writer import LogWriter
+from helmet_sim_ros.model.setup import setup_from_names
+from helmet_sim_ros.nodes import samples
+from helmet_sim_ros.nodes.conversion import CHANNELS, messages, nanoseconds
+from helmet_sim_ros.nodes.qos import CLOCK, CRITERIA, LIVE, SAMPLES_WRITER, as_yaml
+from helmet_sim_ros.nodes.recorder_config import RecorderConfig
+from helmet_sim_ros.nodes.scene_markers import SceneMarkers
+
+#: The scene is drawn once per so much simulation time [s]; it follows from the other channels.
+SCENE_PERIOD = 1e-3
+CRITERIA_TOPIC = "evaluation/criteria"
+#: Packages whose versions decide what an impact gives.
+_PACKAGES = ("helmet_sim_ros", "mujoco", "numpy", "scipy", "numba", "pydantic", "rclpy", "mcap")
+
+
+class LogSession:
+    """A log file that is being written. Every method may raise :class:`LogError`.
+
+    Args:
+        path: its final name.
+        config: scenario text and name to attach.
+        resolve: relative topic name -> the name in the log.
+
+    Attributes:
+        path: its final name.
+        impacts: complete impacts in it.
+        end_ns: latest simulation time in it [ns].
+    """
+
+    def __init__(self, path: Path, config: RecorderConfig, resolve: Callable[[str], str]) -> None:
+        self.path = path
+        self.impacts = 0
+        self.end_ns = 0
+        self._resolve = resolve
+        self._models: dict[str, str] = {}
+        self._first: Block | None = None
+        self._scene: SceneMarkers | None = None
+        self._writer = LogWriter(path, f"helmet_sim_ros {_version('helmet_sim_ros')}")
+        self._topics = {channel.topic: resolve(channel.topic) for channel in CHANNELS}
+        for channel in CHANNELS:
+            self._writer.add_channel(resolve(channel.topic), channel.type_name, as_yaml(LIVE))
+        for topic, kind, qos in (
+            ("/clock", "rosgraph_msgs/msg/Clock", CLOCK),
+            ("scene", "visualization_msgs/msg/MarkerArray", LIVE),
+            (samples.TOPIC, "std_msgs/msg/Float64MultiArray", SAMPLES_WRITER),
+            (CRITERIA_TOPIC, "diagnostic_msgs/msg/DiagnosticArray", CRITERIA),
+        ):
+            self._writer.add_channel(resolve(topic), kind, as_yaml(qos))
+        self._writer.add_metadata("run", run_metadata(config))
+        if config.scenario_text:
+            self._writer.attach("scenario.yaml", "application/yaml", config.scenario_text, 0)
+
+    @property
+    def size(self) -> int:
+        """Bytes in the file."""
+        return self._writer.size
+
+    def add(self, block: Block, serialized: bytes) -> None:
+        """Append a block: every sample on every channel, then the block itself."""
+        if block.first == 0 and block.setup is not None:
+            self._first = block
+            self._scene = SceneMarkers(setup_from_names(block.setup))
+        if len(block.data) and self._first is not None:
+            record = from_block(list(block.labels), block.data, self._first.setup)
+            self._add_samples(record, block.first, block.start_time)
+        self.end_ns = max(self.end_ns, nanoseconds(block.start_time, 0.0))
+        self._writer.write(self._resolve(samples.TOPIC), self.end_ns, serialized)
+
+    def _add_samples(self, record: ImpactRecord, first: int, start_time: float) -> None:
+        write, clock, scene = self._writer.write, Clock(), self._resolve("scene")
+        every = max(1, round(SCENE_PERIOD / record.setup["sim.time_step"]))
+        for i, (time_ns, filled) in enumerate(messages(record, start_time)):
+            for topic, message in filled.items():
+                write(self._topics[topic], time_ns, serialize_message(message))
+            clock.clock = filled[CHANNELS[0].topic].header.stamp
+            write("/clock", time_ns, serialize_message(clock))
+            if self._scene is not None and (first + i) % every == 0:
+                markers = self._scene.message(record, i, time_ns)
+                write(scene, time_ns, serialize_message(markers))
+            self.end_ns = time_ns
+
+    def end_impact(self, impact: Assembled) -> None:
+        """Note what became of an impact, and make sure that it survives a crash from here on."""
+        first, self._first = self._first, None
+        values = {
+            "start_time": repr(impact.start_time),
+            "samples": str(impact.total),
+            "complete": json.dumps(impact.record is not None),
+            "problem": impact.problem,
+        }
+        if first is not None and first.impact_id == impact.impact_id:
+            values["setup"] = json.dumps(first.setup)
+            if first.model is not None:
+                values["model"] = self._attach_model(first.model)
+        self._writer.add_metadata(f"impact/{impact.impact_id}", values)
+        self._writer.flush()
+        self.impacts += impact.record is not None
+
+    def _attach_model(self, text: str) -> str:
+        """Attach a compiled model once, and give its attachment's name."""
+        digest = hashlib.sha256(text.encode()).hexdigest()[:12]
+        if digest not in self._models:
+            self._models[digest] = f"model_{digest}.xml"
+            self._writer.attach(self._models[digest], "application/xml", text, self.end_ns)
+        return self._models[digest]
+
+    def add_criteria(self, message: Any) -> None:
+        """Append the criteria of an impact."""
+        time = message.header.stamp
+        time_ns = time.sec * 1_000_000_000 + time.nanosec
+        topic = self._resolve(CRITERIA_TOPIC)
+        self._writer.write(topic, time_ns, serialize_message(message))
+        self._writer.flush()
+
+    def close(self) -> Path:
+        """Finish the file under its final name; if that fails, leave what there is as ``.part``."""
+        try:
+            return self._writer.close()
+        except Exception:
+            self._writer.abandon()
+            raise
+
+
+def run_metadata(config: RecorderConfig) -> dict[str, str]:
+    """When and with what this log was made; the only wall-clock time in it."""
+    values = {
+        "started": datetime.now(UTC).isoformat(),
+        "scenario": config.scenario_name,
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+    }
+    return values | {f"version.{name}": _version(name) for name in _PACKAGES}
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:  # run from a source tree
+        return "unknown"

@@ -1,0 +1,241 @@
+"""The recorder node: every impact into an MCAP log that any ROS 2 tool opens."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections import OrderedDict
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.node import Node
+from rclpy.serialization import deserialize_message
+from rclpy.task import Future
+from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import Trigger
+
+from helmet_sim_ros.errors import IncompleteError, LogError, NodeError
+from helmet_sim_ros.mcap_log.blocks import Assembled, Assembler, Block
+from helmet_sim_ros.nodes import samples
+from helmet_sim_ros.nodes.conversion import nanoseconds
+from helmet_sim_ros.nodes.log_session import CRITERIA_TOPIC, LogSession
+from helmet_sim_ros.nodes.parameters import Parameters
+from helmet_sim_ros.nodes.process import WALL, answering, run_node, wait
+from helmet_sim_ros.nodes.qos import CRITERIA, LATCHED, SAMPLES_READER
+from helmet_sim_ros.nodes.recorder_config import RecorderConfig, check_writable, free_path
+from helmet_sim_ros.schema import leaves
+
+#: How long ``~/finish`` waits for what is still on its way [s].
+FINISH_PATIENCE = 3.0
+#: Criteria kept for impacts whose samples have not been written yet.
+CRITERIA_KEPT = 200
+#: How often the node looks whether anybody sends at all [s].
+WATCH_PERIOD = 0.2
+
+
+class RecorderNode(Node):
+    """Begins a file with the first impact; ends it on ``~/finish``, a limit, or a signal.
+
+    ``~/status`` names the last impact that is completely in the file, with its criteria where an
+    evaluator runs.
+    """
+
+    def __init__(self) -> None:
+        super().__init__("recorder", automatically_declare_parameters_from_overrides=True)
+        self._assembler = Assembler()
+        self._session: LogSession | None = None
+        self._awaiting: dict[str, Assembled] = {}  # complete, but without criteria so far
+        # Criteria by impact; the evaluator may well be ahead of this node.
+        self._criteria: OrderedDict[str, Any] = OrderedDict()
+        self._last = {"impact_id": "", "path": "", "impacts": 0}
+        self._parameters = Parameters(
+            self, leaves(RecorderConfig), _configuration,
+            refuse=self._busy_reason, changed=self._moved,
+        )  # fmt: skip
+        self._place = self._parameters.value.place
+        self._status = self.create_publisher(DiagnosticStatus, "~/status", LATCHED)
+        self.create_service(
+            Trigger, "~/finish", self._finish, callback_group=ReentrantCallbackGroup()
+        )
+        self.create_subscription(
+            Float64MultiArray, samples.TOPIC, self._receive, SAMPLES_READER, raw=True
+        )
+        self.create_subscription(DiagnosticArray, CRITERIA_TOPIC, self._judged, CRITERIA)
+        self.create_timer(WATCH_PERIOD, self._watch, clock=WALL)
+        self._tell("waiting for an impact")
+
+    def close(self) -> None:
+        """Finish the log, whatever is in it; the process ends."""
+        try:
+            self._close_log("the recorder was stopped")
+        except LogError as error:
+            self.get_logger().error(str(error))
+
+    # what arrives
+
+    def _receive(self, serialized: bytes) -> None:
+        try:
+            block = samples.from_message(deserialize_message(serialized, Float64MultiArray))
+        except IncompleteError as error:
+            self.get_logger().error(f"{samples.TOPIC}: {error}")
+            return
+        try:
+            self._record(block, serialized)
+        except LogError as error:
+            self._failed(error)
+
+    def _record(self, block: Block, serialized: bytes) -> None:
+        ended = self._assembler.feed(block)
+        for impact in ended:
+            if impact.impact_id != block.impact_id:
+                self._end_impact(impact)
+        mine = [impact for impact in ended if impact.impact_id == block.impact_id]
+        expected = self._assembler.pending == block.impact_id
+        if expected or block.aborted or any(impact.record for impact in mine):
+            self._session_for(block).add(block, serialized)
+        for impact in mine:
+            self._end_impact(impact)
+
+    def _judged(self, message: DiagnosticArray) -> None:
+        if not message.status:
+            return
+        self._criteria[message.status[0].hardware_id] = message
+        while len(self._criteria) > CRITERIA_KEPT:
+            self._criteria.popitem(last=False)
+        try:
+            self._settle()
+        except LogError as error:
+            self._failed(error)
+
+    def _watch(self) -> None:
+        try:
+            if self._assembler.pending and not self.count_publishers(samples.TOPIC):
+                for impact in self._assembler.abandon("the simulation is gone"):
+                    self._end_impact(impact)
+            self._settle()
+        except LogError as error:
+            self._failed(error)
+
+    # what is written
+
+    def _session_for(self, block: Block) -> LogSession:
+        """The file that this block belongs to; begins one where needed."""
+        session = self._session
+        if session is not None and block.first == 0:
+            # A clock that starts again is another simulation: its times do not fit this file.
+            again = nanoseconds(block.start_time, 0.0) <= session.end_ns
+            if again or self._full(session):
+                self._session = None
+                self._finished(session)
+        if self._session is None:
+            config = check_writable(self._parameters.value)
+            self._session = LogSession(free_path(config), config, self.resolve_topic_name)
+            self._last |= {"path": str(self._session.path), "impacts": 0}
+            self._tell("recording")
+        return self._session
+
+    def _end_impact(self, impact: Assembled) -> None:
+        if impact.problem:
+            self.get_logger().warning(impact.problem)
+        if self._session is not None:
+            self._session.end_impact(impact)
+            self._awaiting[impact.impact_id] = impact
+            self._settle()
+
+    def _settle(self) -> None:
+        """Write criteria that have arrived, and tell which impacts are done with."""
+        for impact_id in list(self._awaiting):
+            message = self._criteria.pop(impact_id, None)
+            if message is None and self.count_publishers(CRITERIA_TOPIC):
+                continue
+            del self._awaiting[impact_id]
+            if self._session is None:
+                continue
+            if message is not None:
+                self._session.add_criteria(message)
+            self._last |= {"impact_id": impact_id, "impacts": self._session.impacts}
+            self._tell("recording")
+        settled = not self._awaiting and not self._assembler.pending
+        if self._session and settled and self._full(self._session):
+            self._close_log("")
+
+    def _full(self, session: LogSession) -> bool:
+        config = self._parameters.value
+        many = 0 < config.max_impacts <= session.impacts
+        return many or 0 < config.max_bytes <= session.size
+
+    # how a file ends
+
+    @answering
+    async def _finish(self, request: Any) -> str:
+        if self._session is None:
+            raise NodeError("no log is open")
+        deadline = time.monotonic() + FINISH_PATIENCE
+        while (self._awaiting or self._assembler.pending) and time.monotonic() < deadline:
+            await wait(self, Future(), 0.01)
+        self._close_log("the log was finished by a client")
+        return json.dumps(self._last)
+
+    def _close_log(self, reason: str) -> None:
+        """Finish the open file, if any; an impact under way ends there."""
+        session = self._session
+        if session is None:
+            return
+        for impact in self._assembler.abandon(reason):
+            session.end_impact(impact)
+        self._session = None
+        self._awaiting.clear()
+        self._finished(session)
+
+    def _finished(self, session: LogSession) -> None:
+        path = session.close()
+        self._last |= {"path": str(path), "impacts": session.impacts}
+        self.get_logger().info(f"{path}: {session.impacts} impacts")
+        self._tell("finished")
+
+    def _failed(self, error: LogError) -> None:
+        """The disk is full or gone: close what there is; the next impact tries a new file."""
+        self.get_logger().error(str(error))
+        self._assembler.abandon(str(error))
+        session, self._session = self._session, None
+        self._awaiting.clear()
+        if session is not None:
+            try:
+                session.close()
+            except LogError as again:
+                self.get_logger().error(str(again))
+        self._tell(str(error), DiagnosticStatus.ERROR)
+
+    # parameters and status
+
+    def _busy_reason(self) -> str:
+        pending = self._assembler.pending
+        return f"busy: impact {pending} is being recorded" if pending else ""
+
+    def _moved(self) -> None:
+        if self._parameters.value.place != self._place:
+            self._place = self._parameters.value.place
+            try:
+                self._close_log("")
+            except LogError as error:
+                self._failed(error)
+
+    def _tell(self, message: str, level: bytes = DiagnosticStatus.OK) -> None:
+        values = [KeyValue(key=key, value=str(value)) for key, value in self._last.items()]
+        self._status.publish(
+            DiagnosticStatus(level=level, name="recorder", message=message, values=values)
+        )
+
+
+def _configuration(values: dict[str, Any]) -> RecorderConfig:
+    return check_writable(RecorderConfig(**values))
+
+
+def main(args: list[str] | None = None) -> int:
+    """Entry point of ``recorder_node``."""
+    return run_node("recorder", RecorderNode, args)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,80 @@
+"""Rider, helmet and ground as RViz markers."""
+
+from __future__ import annotations
+
+from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
+from std_msgs.msg import ColorRGBA
+from visualization_msgs.msg import Marker, MarkerArray
+
+from helmet_sim_ros.biomech.record import ImpactRecord
+from helmet_sim_ros.model.scene import Scene, SceneShape
+from helmet_sim_ros.model.setup import ImpactSetup
+from helmet_sim_ros.nodes.conversion import stamp
+
+#: Edge and thickness of the drawn part of the ground plane [m].
+_GROUND = (4.0, 4.0, 0.01)
+
+
+class SceneMarkers:
+    """The markers of one setup; frame ``world``.
+
+    A capsule becomes a cylinder and a sphere at each end.
+    """
+
+    def __init__(self, setup: ImpactSetup) -> None:
+        self.setup = setup
+        self._scene = Scene(setup)
+        self._parts = [_markers(shape) for shape in self._scene.shapes]
+        ground = _marker(Marker.CUBE, "ground", _GROUND, (0.55, 0.55, 0.55, 1.0))
+        ground.pose.position.z = -0.5 * _GROUND[2]
+        self._message = MarkerArray(markers=[ground, *(m for part in self._parts for m in part)])
+        for number, marker in enumerate(self._message.markers):
+            marker.id = number
+
+    def message(self, record: ImpactRecord, index: int, time_ns: int) -> MarkerArray:
+        """The scene at one sample; the same object every time."""
+        positions, quaternions = self._scene.poses(record, index)
+        shapes = zip(
+            self._scene.shapes, self._parts, positions.tolist(), quaternions.tolist(), strict=True
+        )
+        for shape, markers, position, (x, y, z, w) in shapes:
+            turn = Quaternion(x=x, y=y, z=z, w=w)
+            ends = [(0.0, 0.0, 0.0)]
+            if shape.kind == "capsule":
+                half = shape.size[1]
+                axis = (2 * (x * z + w * y) * half, 2 * (y * z - w * x) * half,
+                        (1 - 2 * (x * x + y * y)) * half)  # fmt: skip
+                ends += [axis, tuple(-a for a in axis)]
+            for marker, offset in zip(markers, ends, strict=True):
+                a, b, c = (p + o for p, o in zip(position, offset, strict=True))
+                marker.pose = Pose(position=Point(x=a, y=b, z=c), orientation=turn)
+        now = stamp(time_ns)
+        for marker in self._message.markers:
+            marker.header.stamp = now
+        return self._message
+
+
+def _markers(shape: SceneShape) -> list[Marker]:
+    if shape.kind == "ellipsoid":
+        a, b, c = shape.size
+        return [_marker(Marker.SPHERE, shape.name, (2 * a, 2 * b, 2 * c), shape.color)]
+    width, half = 2 * shape.size[0], shape.size[1]
+    tube = _marker(Marker.CYLINDER, shape.name, (width, width, 2 * half), shape.color)
+    caps = [_marker(Marker.SPHERE, shape.name, (width,) * 3, shape.color) for _ in range(2)]
+    return [tube, *caps]
+
+
+def _marker(
+    kind: int,
+    name: str,
+    size: tuple[float, float, float],
+    color: tuple[float, float, float, float],
+) -> Marker:
+    x, y, z = size
+    r, g, b, a = color
+    marker = Marker(
+        ns=name, type=kind, action=Marker.ADD,
+        scale=Vector3(x=x, y=y, z=z), color=ColorRGBA(r=r, g=g, b=b, a=a),
+    )  # fmt: skip
+    marker.header.frame_id = "world"
+    return marker
