@@ -123,7 +123,10 @@ def report(result: dict[str, Any], console: Console, all_criteria: bool, seconds
     for row in rows:
         if row["status"] != "evaluated":
             console.print(f"{row['name']}: {row['status']}: {row['error']}", style="red")
-    for path in dict.fromkeys(row["file"] for row in rows if row.get("file")):
+    if result["error"]:
+        console.print(result["error"], style="red")
+    logs = dict.fromkeys([*(row["recorded"] for row in rows), result["file"]])
+    for path in filter(None, logs):
         console.print(f"log: {os.path.relpath(path)}", soft_wrap=True)
     evaluated = sum(row["status"] == "evaluated" for row in rows)
     console.print(f"{evaluated} of {len(rows)} impacts evaluated in {seconds:.1f} s")

@@ -41,7 +41,7 @@ class EvaluatorNode(Node):
 
     def __init__(self) -> None:
         super().__init__("evaluator", automatically_declare_parameters_from_overrides=True)
-        self._parameters = Parameters(self, leaves(EvaluatorConfig), _configuration)
+        self._settings = Parameters(self, leaves(EvaluatorConfig), _configuration)
         self._assembler = Assembler()
         self._last: dict[str, Any] | None = None
         self._publisher = self.create_publisher(DiagnosticArray, TOPIC, CRITERIA)
@@ -84,7 +84,7 @@ class EvaluatorNode(Node):
         if impact.record is None:
             return None, impact.problem
         try:
-            return evaluate(impact.record, self._parameters.value.standard), ""
+            return evaluate(impact.record, self._settings.value.standard), ""
         except HelmetSimError as error:
             return None, f"failed: {error}"
         except Exception as error:

@@ -49,11 +49,11 @@ class RecorderNode(Node):
         # Criteria by impact; the evaluator may well be ahead of this node.
         self._criteria: OrderedDict[str, Any] = OrderedDict()
         self._last = {"impact_id": "", "path": "", "impacts": 0}
-        self._parameters = Parameters(
+        self._settings = Parameters(
             self, leaves(RecorderConfig), _configuration,
             refuse=self._busy_reason, changed=self._moved,
         )  # fmt: skip
-        self._place = self._parameters.value.place
+        self._place = self._settings.value.place
         self._status = self.create_publisher(DiagnosticStatus, "~/status", LATCHED)
         self.create_service(
             Trigger, "~/finish", self._finish, callback_group=ReentrantCallbackGroup()
@@ -129,7 +129,7 @@ class RecorderNode(Node):
                 self._session = None
                 self._finished(session)
         if self._session is None:
-            config = check_writable(self._parameters.value)
+            config = check_writable(self._settings.value)
             self._session = LogSession(free_path(config), config, self.resolve_topic_name)
             self._last |= {"path": str(self._session.path), "impacts": 0}
             self._tell("recording")
@@ -161,7 +161,7 @@ class RecorderNode(Node):
             self._close_log("")
 
     def _full(self, session: LogSession) -> bool:
-        config = self._parameters.value
+        config = self._settings.value
         many = 0 < config.max_impacts <= session.impacts
         return many or 0 < config.max_bytes <= session.size
 
@@ -214,8 +214,8 @@ class RecorderNode(Node):
         return f"busy: impact {pending} is being recorded" if pending else ""
 
     def _moved(self) -> None:
-        if self._parameters.value.place != self._place:
-            self._place = self._parameters.value.place
+        if self._settings.value.place != self._place:
+            self._place = self._settings.value.place
             try:
                 self._close_log("")
             except LogError as error:

@@ -47,10 +47,10 @@ class SimulationNode(Node):
     def __init__(self) -> None:
         super().__init__("simulation", automatically_declare_parameters_from_overrides=True)
         self._control = RunControl(self)
-        self._parameters = declare(self, self._busy_reason)
-        Impact(self._parameters.value.setup).advance(1)  # compile now, not in the first impact
-        self._clock = SimulationClock(self)
-        self._live = LiveView(self, self._clock)
+        self._settings = declare(self, self._busy_reason)
+        Impact(self._settings.value.setup).advance(1)  # compile now, not in the first impact
+        self._simulation_clock = SimulationClock(self)
+        self._live = LiveView(self, self._simulation_clock)
         self._samples = self.create_publisher(Float64MultiArray, samples.TOPIC, SAMPLES_WRITER)
         self._status = self.create_publisher(DiagnosticStatus, "~/status", LATCHED)
         self._process = uuid.uuid4().hex[:8]
@@ -78,7 +78,7 @@ class SimulationNode(Node):
         self._count += 1
         impact_id = f"{self._process}-{self._count:04d}"
         try:
-            result = await self._impact(impact_id, self._parameters.value)
+            result = await self._impact(impact_id, self._settings.value)
             self._tell("idle")
         except HelmetSimError as error:
             self._tell(f"impact {impact_id} failed: {error}", DiagnosticStatus.WARN)
@@ -126,7 +126,7 @@ class SimulationNode(Node):
         began = time.monotonic()
         setup, live = config.setup, config.live
         impact = Impact(setup)
-        start_time = self._clock.next_start() * 1e-9
+        start_time = self._simulation_clock.next_start() * 1e-9
         stride = max(1, round(1.0 / (live.publish_rate * setup.time_step)))
         described = setup.described()
         outgoing = _Outgoing(self, self._samples)
@@ -160,7 +160,9 @@ class SimulationNode(Node):
             await outgoing.send(block(done, done, aborted=str(error)))
             raise
         record = impact.record()
-        self._clock.advance(round(start_time * 1e9) + round(float(record.time[-1]) * 1e9))
+        self._simulation_clock.advance(
+            round(start_time * 1e9) + round(float(record.time[-1]) * 1e9)
+        )
         await outgoing.acknowledged()
         return {
             "impact_id": impact_id,
