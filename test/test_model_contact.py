@@ -18,11 +18,11 @@ def test_the_normal_force_pushes_only() -> None:
 def test_friction_sticks_below_its_limit_and_slips_at_it() -> None:
     stick = np.zeros(2)
     step, stiffness = 1e-5, 1e6
-    held = [contact.friction_force(stiffness, 100.0, 0.5, 0.0, step, stick) for _ in range(5)]
+    held = [contact.friction_force(stiffness, contact.RELAXATION, 100.0, 0.5, 0.0, step, stick) for _ in range(5)]
     relaxation = contact.RELAXATION * 0.5
     assert held[4][0] == pytest.approx(-stiffness * (5 * 0.5 * step + relaxation))
     for _ in range(500):
-        x, y = contact.friction_force(stiffness, 100.0, 3.0, 4.0, step, stick)
+        x, y = contact.friction_force(stiffness, contact.RELAXATION, 100.0, 3.0, 4.0, step, stick)
     assert np.hypot(x, y) == pytest.approx(100.0)
     assert (x, y) == pytest.approx((-60.0, -80.0), rel=1e-3)  # against the slip
 
@@ -30,8 +30,8 @@ def test_friction_sticks_below_its_limit_and_slips_at_it() -> None:
 def test_friction_reverses_with_the_slip_through_the_elastic_deflection() -> None:
     stick = np.zeros(2)
     for _ in range(200):
-        contact.friction_force(1e6, 400.0, 1.0, 0.0, 1e-5, stick)
-    force = [contact.friction_force(1e6, 400.0, -1.0, 0.0, 1e-5, stick)[0] for _ in range(100)]
+        contact.friction_force(1e6, contact.RELAXATION, 400.0, 1.0, 0.0, 1e-5, stick)
+    force = [contact.friction_force(1e6, contact.RELAXATION, 400.0, -1.0, 0.0, 1e-5, stick)[0] for _ in range(100)]
     assert force[0] < 0.0 < force[-1] == pytest.approx(400.0)
     assert np.all(np.diff(force) >= -1e-9)
 

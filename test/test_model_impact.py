@@ -210,7 +210,8 @@ def test_the_compiled_loop_steps_like_the_interpreted_one() -> None:
         )
         data.xfrc_applied[:] = 0.0
         contact.ground_contact.py_func(
-            shapes.body, shapes.center, shapes.semi_axes, shapes.law, stick, setup.time_step,
+            model.body("helmet").id, shapes.body, shapes.center, shapes.semi_axes, shapes.law,
+            stick, setup.time_step,
             data.xpos, data.xmat, data.xipos, data.cvel, data.subtree_com[1], data.xfrc_applied,
             wrench,
         )  # fmt: skip

@@ -70,27 +70,34 @@ def normal_force(stiffness: float, damping: float, depth: float, rate: float) ->
 
 @njit(cache=True, nogil=True)
 def friction_force(
-    stiffness: float, limit: float, slip_x: float, slip_y: float, step: float, stick: FloatArray
+    stiffness: float,
+    relaxation: float,
+    limit: float,
+    slip_x: float,
+    slip_y: float,
+    step: float,
+    stick: FloatArray,
 ) -> tuple[float, float]:
     """Friction [N] along world x and y for a slip velocity [m/s]; updates the stick deflection.
 
     Args:
         stiffness: tangential stiffness k_t [N/m].
+        relaxation: tau [s], damping over stiffness.
         limit: mu F_n [N].
         step: time step [s].
         stick: elastic deflection, shape (2,) [m]; changed in place.
     """
     stick[0] += slip_x * step
     stick[1] += slip_y * step
-    x = stiffness * (stick[0] + RELAXATION * slip_x)
-    y = stiffness * (stick[1] + RELAXATION * slip_y)
+    x = stiffness * (stick[0] + relaxation * slip_x)
+    y = stiffness * (stick[1] + relaxation * slip_y)
     trial = (x * x + y * y) ** 0.5
     if trial > limit:  # slips: the deflection follows so that the force stays on the limit
         scale = limit / trial
         x *= scale
         y *= scale
-        stick[0] = x / stiffness - RELAXATION * slip_x
-        stick[1] = y / stiffness - RELAXATION * slip_y
+        stick[0] = x / stiffness - relaxation * slip_x
+        stick[1] = y / stiffness - relaxation * slip_y
         length = (stick[0] ** 2 + stick[1] ** 2) ** 0.5
         if length * stiffness > limit:
             stick *= limit / (length * stiffness)
@@ -150,8 +157,9 @@ def ground_contact(
         vz = cvel[b, 5] + wx * ry - wy * rx
         fz = normal_force(law[i, STIFFNESS], law[i, DAMPING], -pz, -vz)
         fx, fy = friction_force(
-            TANGENTIAL_SHARE * law[i, STIFFNESS], law[i, FRICTION] * fz, vx, vy, step, stick[i]
-        )
+            TANGENTIAL_SHARE * law[i, STIFFNESS], RELAXATION, law[i, FRICTION] * fz, vx, vy, step,
+            stick[i],
+        )  # fmt: skip
         add_force(applied[b], xipos[b], px, py, pz, fx, fy, fz)
         row = wrench[0 if b == helmet else 1]
         row[0] += fx

@@ -85,6 +85,21 @@ class Liner(Config):
     energy_returned: float = quantity(
         "share of the crushing energy that unloading gives back", "-", 0.05, ge=0.005, le=0.5
     )
+    head_friction: float = quantity("friction of head in liner", "-", 0.5, ge=0.0, le=5.0)
+    padding_stiffness: float = quantity(
+        "shear stiffness of comfort padding and scalp between head and liner",
+        "N/m", 300e3, ge=1e3, le=1e8,
+    )  # fmt: skip
+    padding_relaxation: float = quantity(
+        "damping over stiffness of comfort padding and scalp", "s", 1e-3, ge=0.0, le=1e-2
+    )
+    retention_stiffness: float = quantity(
+        "rotational stiffness by which chin strap and cheek pads hold the helmet on the head",
+        "N m/rad", 20.0, ge=0.0, le=1e4,
+    )  # fmt: skip
+    retention_damping: float = quantity(
+        "rotational damping of chin strap and cheek pads", "N m s/rad", 0.5, ge=0.0, le=100.0
+    )
     columns: int = quantity("foam columns over the whole shell", "-", 600, ge=50, le=20000)
     front: Zone = Field(default_factory=Zone)
     back: Zone = Field(default_factory=Zone)

@@ -81,6 +81,7 @@ class Impact:
             columns.geometry, columns.foam, setup.friction,
             np.zeros(len(columns)) if crush is None else np.array(crush, dtype=float),
             np.zeros((len(columns), 2)),
+            columns.padding, np.zeros(2),
         )  # fmt: skip
         if self._liner[3].shape != (len(columns),):
             raise PulseError(f"crush: shape {self._liner[3].shape}, expected ({len(columns)},)")
@@ -149,10 +150,10 @@ class Impact:
         turn = Rotation.from_quat(orientation)
         if columns.slides[0] >= 0:
             displacement = q[:, columns.slides[0] : columns.slides[0] + 3]
-            shell, force = position + turn.apply(displacement), -coupling_rows
+            shell, force = position + _turned(turn, displacement), -coupling_rows
         else:  # the crushed liner, in the same sense: the ground pushes shell against head
-            displacement = turn.apply(np.array([0.0, 0.0, 1.0]), inverse=True) * coupling_rows[:, 2:]
-            shell, force = position, turn.apply(ground[:, 0, :3], inverse=True)
+            displacement = _turned(turn.inv(), np.array([[0.0, 0.0, 1.0]])) * coupling_rows[:, 2:]
+            shell, force = position, _turned(turn.inv(), ground[:, 0, :3])
         gravity = np.array([0.0, 0.0, -self.setup.gravity])
         zeros = np.zeros((len(q), 3))
         return ImpactRecord(
@@ -165,7 +166,7 @@ class Impact:
             head_position=position,
             head_orientation=orientation,
             helmet_position=shell,
-            helmet_orientation=orientation,
+            helmet_orientation=columns.read(sensors, "helmet_orientation")[:, [1, 2, 3, 0]],
             ground_force=ground[:, 0, :3],
             ground_torque=ground[:, 0, 3:],
             coupling_force=force,
@@ -185,7 +186,7 @@ class Impact:
     def _extras(self) -> dict[str, Any]:
         """Notes, and of a foam helmet the crush map so far."""
         extras: dict[str, Any] = {"notes": list(self.notes)}
-        geometry, foam, _, largest, _ = self._liner
+        geometry, foam, _, largest, *_ = self._liner
         if len(geometry):
             extras |= {
                 "crush": largest.copy(),
@@ -203,10 +204,11 @@ class _Columns:
 
     def __init__(self, model: mujoco.MjModel) -> None:
         helmet = int(model.body("helmet").id)
-        self.slides = (-1, -1, helmet)
-        if int(model.body("helmet").jntnum[0]):
+        head = int(model.body("head").id)
+        self.slides = (-1, -1, helmet, head)
+        if int(model.body("helmet").jntnum[0]) == 3:
             first = model.joint("coupling_x")
-            self.slides = (int(first.qposadr[0]), int(first.dofadr[0]), helmet)
+            self.slides = (int(first.qposadr[0]), int(first.dofadr[0]), helmet, head)
         names = [model.joint(j).name for j in range(model.njnt)]
         body = [j for j, n in enumerate(names) if n != "root" and not n.startswith("coupling_")]
         self.joints = tuple(names[j] for j in body)
@@ -221,3 +223,12 @@ class _Columns:
         """One sensor's columns of sampled rows."""
         start, size = self._sensors[name]
         return sensors[:, start : start + size]
+
+
+def _turned(turn: Rotation, vectors: FloatArray) -> FloatArray:
+    """Rotated vectors, shape (n, 3), term by term: a sample has the same bits in a slice of any
+    length (``Rotation.apply`` sums a single row in another order)."""
+    m = turn.as_matrix()
+    x, y, z = (vectors[:, i : i + 1] for i in range(3))
+    turned: FloatArray = m[:, :, 0] * x + m[:, :, 1] * y + m[:, :, 2] * z
+    return turned

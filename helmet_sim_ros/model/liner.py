@@ -20,7 +20,7 @@ import numpy as np
 from numba import njit
 
 from helmet_sim_ros.biomech.record import FloatArray
-from helmet_sim_ros.model.contact import add_force, friction_force
+from helmet_sim_ros.model.contact import RELAXATION, add_force, friction_force
 from helmet_sim_ros.model.foam import MODULUS, foam_row, foam_stress
 from helmet_sim_ros.model.helmet import Helmet, Liner
 
@@ -38,10 +38,13 @@ class Columns:
     Attributes:
         geometry: (n, 9), see above.
         foam: constants of each column's foam, (n, 5); see :mod:`helmet_sim_ros.model.foam`.
+        padding: between head and liner: friction [-], shear stiffness [N/m], relaxation [s],
+            radius [m]; (4,).
     """
 
     geometry: FloatArray
     foam: FloatArray
+    padding: FloatArray
 
     def __len__(self) -> int:
         return len(self.geometry)
@@ -49,7 +52,7 @@ class Columns:
 
 def no_columns() -> Columns:
     """What a spring helmet has."""
-    return Columns(np.zeros((0, 9)), np.zeros((0, 5)))
+    return Columns(np.zeros((0, 9)), np.zeros((0, 5)), np.zeros(4))
 
 
 def columns(helmet: Helmet) -> Columns:
@@ -73,7 +76,9 @@ def columns(helmet: Helmet) -> Columns:
         [axes * u + np.array(helmet.shell.center), normal, area, thickness, np.sqrt(area / np.pi)]
     )
     foam = np.array([foam_row(rho, liner.energy_returned) for rho in density])
-    return Columns(geometry, foam)
+    inner = axes.mean() - thickness.mean()
+    padding = np.array([liner.head_friction, liner.padding_stiffness, liner.padding_relaxation, inner])
+    return Columns(geometry, foam, padding)
 
 
 def _zoned(liner: Liner, normal: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -151,7 +156,7 @@ def crush(
         vx = velocity[3] + velocity[1] * rz - velocity[2] * ry
         vy = velocity[4] + velocity[2] * rx - velocity[0] * rz
         shear = foam[i, MODULUS] / (2.0 * (1.0 + POISSON)) * g[AREA] * share * cosine / g[THICKNESS]
-        fx, fy = friction_force(shear, friction * fz, vx, vy, step, stick[i])
+        fx, fy = friction_force(shear, RELAXATION, friction * fz, vx, vy, step, stick[i])
         add_force(applied, about, px, py, 0.0, fx, fy, fz)
         wrench[0] += fx
         wrench[1] += fy
@@ -160,3 +165,43 @@ def crush(
         wrench[4] -= px * fz
         wrench[5] += px * fy - py * fx
     return deepest
+
+
+@njit(cache=True, nogil=True)
+def head_friction(
+    friction: float,
+    stiffness: float,
+    relaxation: float,
+    radius: float,
+    load: float,
+    step: float,
+    stick: FloatArray,
+    center: FloatArray,
+    helmet_velocity: FloatArray,
+    head_velocity: FloatArray,
+    about: FloatArray,
+    applied_helmet: FloatArray,
+    applied_head: FloatArray,
+) -> None:
+    """Friction between head and liner where the load passes from one to the other.
+
+    Args:
+        friction: of head in liner [-].
+        stiffness: shear stiffness of padding and scalp [N/m].
+        relaxation: of padding and scalp [s].
+        radius: of the liner's inner surface [m].
+        load: normal force of the ground [N].
+        step: time step [s].
+        stick: shear deflection along world x and y, (2,) [m]; changed in place.
+        center: about which the helmet turns on the head, world axes [m].
+        helmet_velocity, head_velocity: cvel rows, (6,).
+        about: centre of mass of the helmet body [m]; the head's is ``center``.
+        applied_helmet, applied_head: force and torque on the bodies, (6,); added to.
+    """
+    # The contact lies below the centre; only the difference of the spins slides there.
+    vx = -(helmet_velocity[1] - head_velocity[1]) * radius
+    vy = (helmet_velocity[0] - head_velocity[0]) * radius
+    fx, fy = friction_force(stiffness, relaxation, friction * load, vx, vy, step, stick)
+    z = center[2] - radius
+    add_force(applied_helmet, about, center[0], center[1], z, fx, fy, 0.0)
+    add_force(applied_head, center, center[0], center[1], z, -fx, -fy, 0.0)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.model.contact import ground_contact
 from helmet_sim_ros.model.coupling import spring_force
-from helmet_sim_ros.model.liner import crush
+from helmet_sim_ros.model.liner import crush, head_friction
 from helmet_sim_ros.model.stops import stop_torques
 
 
@@ -48,10 +48,12 @@ def advance(  # noqa: PLR0913 - flat arrays are what compiled code takes
     states: tuple[FloatArray, ...],
     frames: tuple[FloatArray, ...],
     forces: tuple[FloatArray, FloatArray],
-    slides: tuple[int, int, int],
+    slides: tuple[int, int, int, int],
     spring: tuple[FloatArray, float, FloatArray],
     shapes: tuple[NDArray[np.int64], FloatArray, FloatArray, FloatArray, FloatArray],
-    liner: tuple[FloatArray, FloatArray, float, FloatArray, FloatArray],
+    liner: tuple[
+        FloatArray, FloatArray, float, FloatArray, FloatArray, FloatArray, FloatArray
+    ],
     stops: tuple[NDArray[np.int64], FloatArray],
     samples: tuple[FloatArray, ...],
 ) -> int:
@@ -65,11 +67,11 @@ def advance(  # noqa: PLR0913 - flat arrays are what compiled code takes
         frames: views of xpos, xmat, xipos, cvel and the row of subtree_com of the tree's root.
         forces: views of qfrc_applied and xfrc_applied.
         slides: index of the first coupling slide in qpos and in qvel (negative: a foam helmet,
-            which has none), and the helmet's body.
+            which has none), and the bodies of helmet and head.
         spring: law table, energy loss, state; see :mod:`helmet_sim_ros.model.coupling`.
         shapes: body, centre, semi-axes, law, stick; see :mod:`helmet_sim_ros.model.contact`.
-        liner: geometry, foam, friction, largest strains, stick of the foam columns; no rows for
-            a spring helmet. See :mod:`helmet_sim_ros.model.liner`.
+        liner: geometry, foam, friction, largest strains and stick of the foam columns (no rows
+            for a spring helmet); friction, stiffness, radius and stick of the head in it. See :mod:`helmet_sim_ros.model.liner`.
         stops: joint addresses and laws; see :mod:`helmet_sim_ros.model.stops`.
         samples: rows of qpos, qvel, sensordata, coupling (3) and the ground's two wrenches (2, 6)
             to write. Coupling is the spring's force on the shell; of a foam helmet, the third
@@ -84,8 +86,8 @@ def advance(  # noqa: PLR0913 - flat arrays are what compiled code takes
     law, energy_loss, spring_state = spring
     body, center, semi_axes, contact_law, stick = shapes
     q_rows, v_rows, sensor_rows, coupling_rows, wrench_rows = samples
-    columns, foam, friction, largest, shear = liner
-    q0, v0, helmet = slides
+    columns, foam, friction, largest, shear, padding, slip = liner
+    q0, v0, helmet, head = slides
     scratch_force, scratch_wrench = np.zeros(3), np.zeros((2, 6))
     for i in range(first, last):
         for substep in range(substeps):
@@ -106,6 +108,10 @@ def advance(  # noqa: PLR0913 - flat arrays are what compiled code takes
                 force[2] = crush(
                     columns, foam, friction, step, largest, shear, xpos[helmet], xmat[helmet],
                     cvel[helmet], center_of_mass, xipos[helmet], cartesian[helmet], wrench[0],
+                )  # fmt: skip
+                head_friction(
+                    padding[0], padding[1], padding[2], padding[3], wrench[0, 2], step, slip,
+                    xpos[head], cvel[helmet], cvel[head], xipos[helmet], cartesian[helmet], cartesian[head],
                 )  # fmt: skip
             if sampled:
                 q_rows[i] = qpos

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from helmet_sim_ros.biomech.record import FloatArray, ImpactRecord
 from helmet_sim_ros.model.setup import ImpactSetup
@@ -68,6 +69,11 @@ class Scene:
         if self.setup.helmet_config.coupling == "spring":
             first = int(model.joint("coupling_x").qposadr[0])
             qpos[first : first + 3] = record.coupling_displacement[index]
+        else:
+            turn = Rotation.from_quat(record.head_orientation[index]).inv()
+            turn = turn * Rotation.from_quat(record.helmet_orientation[index])
+            first = int(model.joint("coupling_turn").qposadr[0])
+            qpos[first : first + 4] = turn.as_quat()[[3, 0, 1, 2]]
         for name, value in zip(record.joint_names, record.joint_positions[index], strict=True):
             qpos[int(model.joint(name).qposadr[0])] = value
         rotation = np.empty(9)

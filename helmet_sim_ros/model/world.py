@@ -173,6 +173,10 @@ def _add_helmet(head: mujoco.MjsBody, helmet: Helmet) -> None:
             shell.add_joint(
                 name=f"coupling_{name}", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=list(axis)
             )
+    else:
+        joint = shell.add_joint(name="coupling_turn", type=mujoco.mjtJoint.mjJNT_BALL)
+        joint.stiffness = [helmet.liner.retention_stiffness, 0.0, 0.0]
+        joint.damping = [helmet.liner.retention_damping, 0.0, 0.0]
     _rigid(shell, share * helmet.mass, center, [share * i for i in helmet.inertia])
     shell.add_geom(
         name="shell", type=mujoco.mjtGeom.mjGEOM_ELLIPSOID, size=list(helmet.shell.semi_axes),
@@ -195,6 +199,7 @@ def _add_sensors(spec: mujoco.MjSpec, rig: str) -> None:
     sensors = [
         ("head_position", kind.mjSENS_FRAMEPOS, frame, "head"),
         ("head_orientation", kind.mjSENS_FRAMEQUAT, frame, "head"),
+        ("helmet_orientation", kind.mjSENS_FRAMEQUAT, frame, "helmet"),
         ("head_velocity", kind.mjSENS_FRAMELINVEL, frame, "head"),
         ("head_angular_velocity", kind.mjSENS_FRAMEANGVEL, frame, "head"),
         ("head_specific_force", kind.mjSENS_FRAMELINACC, frame, "head"),
