@@ -6,12 +6,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rich import box
+from rich.console import JustifyMethod
 from rich.table import Table
 from rich.text import Text
 
 #: Criteria of the short table: name, header, format, factor from the criterion's unit.
 SHORT = (
-    ("peak_g", "peak [g]", ".0f", 1.0),
+    ("peak_g", "peak g", ".0f", 1.0),
     ("hic", "HIC", ".0f", 1.0),
     ("clip_3ms", "3 ms [g]", ".0f", 1.0),
     ("force_ratio", "Ft/Fn", ".2f", 1.0),
@@ -30,14 +31,17 @@ def result_table(rows: Sequence[Row], title: str) -> Table:
         title: stands above the table.
     """
     models = _published_models(rows)
-    table = Table(title=title, box=box.SIMPLE_HEAD, title_justify="left", pad_edge=False)
+    table = Table(
+        title=title, box=box.SIMPLE_HEAD, title_justify="left", pad_edge=False, padding=(0, 1, 0, 0)
+    )
     table.add_column("case", no_wrap=True)
     shown = [entry for entry in SHORT if not models or entry[0] in models or entry[0] == "hic"]
     for name, header, _, _ in shown:
-        table.add_column(header, justify="right", style="bold" if name in models else "")
+        style = "bold" if name in models else ""
+        table.add_column(Text(header), justify="right", style=style, no_wrap=True)
         for model in models.get(name, ()):
-            table.add_column(model, justify="right", style="dim")
-    table.add_column("verdict")
+            table.add_column(model, justify="right", style="dim", no_wrap=True)
+    table.add_column("verdict", no_wrap=True)
     for row in rows:
         cells: list[str | Text] = [str(row["name"])]
         for name, _, style, factor in shown:
@@ -53,7 +57,8 @@ def criteria_table(row: Row) -> Table:
     """Every criterion of one case with unit, window and limit."""
     table = Table(title=str(row["name"]), box=box.SIMPLE_HEAD, title_justify="left", pad_edge=False)
     for header in ("criterion", "value", "unit", "window or time [ms]", "limit", "verdict"):
-        table.add_column(header, justify="right" if header in ("value", "limit") else "left")
+        align: JustifyMethod = "right" if header in ("value", "limit") else "left"
+        table.add_column(Text(header), justify=align)
     for name, entry in _criteria(row).items():
         window, at = entry.get("window"), entry.get("time")
         when = f"{window[0] * 1e3:.2f} to {window[1] * 1e3:.2f}" if window else ""

@@ -115,14 +115,15 @@ def report(result: dict[str, Any], console: Console, all_criteria: bool, seconds
     rows = result["cases"]
     console.print(result_table(rows, result["scenario"]))
     if any(row.get("reference") for row in rows):
-        console.print(f"Beside ours: {result['reference']}", style="dim")
+        console.print(f"Published values: {result['reference']}", style="dim", markup=False)
     if all_criteria:
         for row in rows:
             if row["status"] == "evaluated":
                 console.print(criteria_table(row))
     for row in rows:
         if row["status"] != "evaluated":
-            console.print(f"{row['name']}: {row['status']}: {row['error']}", style="red")
+            text = f"{row['name']}: {row['status']}: {row['error']}"
+            console.print(text, style="red", markup=False, soft_wrap=True)
     if result["error"]:
         console.print(result["error"], style="red")
     logs = dict.fromkeys([*(row["recorded"] for row in rows), result["file"]])

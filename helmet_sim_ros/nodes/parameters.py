@@ -133,11 +133,12 @@ class Parameters(Generic[T]):
         if not changes:
             return
         self._values, self.value = self._next
-        for name in changes:  # rclpy removes a parameter that is unset
-            if not self._node.has_parameter(name):
-                self._declare(name)
-                return  # this was called again for it
-        self._changed()
+        # rclpy removes a parameter that is unset; declaring it calls this again for it.
+        missing = [name for name in changes if not self._node.has_parameter(name)]
+        for name in missing:
+            self._declare(name)
+        if not missing:
+            self._changed()
 
 
 def described(leaf: Leaf) -> ParameterDescriptor:

@@ -22,7 +22,7 @@ class Reference:
 
     Attributes:
         name: file name without suffix.
-        source: where the values are from, as the file's comment lines say.
+        source: where the values are from: the file's first comment line.
         rows: for each row the setup values it holds for (by dotted name), and what was published.
     """
 
@@ -41,7 +41,7 @@ class Reference:
 def load_reference(name_or_path: str) -> Reference:
     """The table ``config/references/NAME.csv``, or any such CSV file by path.
 
-    Lines that start with ``#`` state the source. Columns with a dotted name are conditions, columns
+    The first line that starts with ``#`` is the source, all others are comments. Columns with a dotted name are conditions, columns
     ``CRITERION/MODEL`` published values.
 
     Raises:
@@ -52,7 +52,7 @@ def load_reference(name_or_path: str) -> Reference:
         lines = path.read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise SetupError.of("reference", str(path), f"cannot be read: {error}") from error
-    source = " ".join(line.lstrip("# ") for line in lines if line.startswith("#"))
+    source = next((line.lstrip("# ") for line in lines if line.startswith("#")), path.name)
     table = csv.DictReader(line for line in lines if line.strip() and not line.startswith("#"))
     rows = tuple(_parse(path, number, row) for number, row in enumerate(table, 1))
     if not rows:
