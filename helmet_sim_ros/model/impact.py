@@ -19,7 +19,7 @@ from helmet_sim_ros.biomech.record import (
 from helmet_sim_ros.errors import DivergedError, PulseError
 from helmet_sim_ros.model import coupling
 from helmet_sim_ros.model.foam import residual_strain
-from helmet_sim_ros.model.liner import POINT, THICKNESS
+from helmet_sim_ros.model.liner import POINT, THICKNESS, crush_depth
 from helmet_sim_ros.model.loop import advance
 from helmet_sim_ros.model.setup import ImpactSetup
 from helmet_sim_ros.model.stops import joint_stops
@@ -143,17 +143,21 @@ class Impact:
         return str(self._spec.to_xml())
 
     def _slice(self, first: int, last: int) -> ImpactRecord:
-        q, v, sensors, coupling_rows, ground = (rows[first:last] for rows in self._samples)
+        q, v, sensors, spring_rows, ground = (rows[first:last] for rows in self._samples)
         columns, rider = self._columns, self.setup.rig == "rider"
         orientation = columns.read(sensors, "head_orientation")[:, [1, 2, 3, 0]]
         position = columns.read(sensors, "head_position")
         turn = Rotation.from_quat(orientation)
+        helmet = Rotation.from_quat(
+            columns.read(sensors, "helmet_orientation")[:, [1, 2, 3, 0]]
+        )
         if columns.slides[0] >= 0:
             displacement = q[:, columns.slides[0] : columns.slides[0] + 3]
-            shell, force = position + _turned(turn, displacement), -coupling_rows
-        else:  # the crushed liner, in the same sense: the ground pushes shell against head
-            displacement = _turned(turn.inv(), np.array([[0.0, 0.0, 1.0]])) * coupling_rows[:, 2:]
-            shell, force = position, _turned(turn.inv(), ground[:, 0, :3])
+            shell, force = position + turn.apply(displacement), -spring_rows
+        else:  # the crushed liner, in the same sense: the ground pushes the shell upwards
+            depth = crush_depth(self.setup.helmet_config.shell, position, helmet.as_matrix())
+            displacement = turn.apply([0.0, 0.0, 1.0], inverse=True) * depth[:, None]
+            shell, force = position, turn.apply(ground[:, 0, :3], inverse=True)
         gravity = np.array([0.0, 0.0, -self.setup.gravity])
         zeros = np.zeros((len(q), 3))
         return ImpactRecord(
@@ -166,7 +170,7 @@ class Impact:
             head_position=position,
             head_orientation=orientation,
             helmet_position=shell,
-            helmet_orientation=columns.read(sensors, "helmet_orientation")[:, [1, 2, 3, 0]],
+            helmet_orientation=helmet.as_quat(),
             ground_force=ground[:, 0, :3],
             ground_torque=ground[:, 0, 3:],
             coupling_force=force,

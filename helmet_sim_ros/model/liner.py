@@ -22,7 +22,7 @@ from numba import njit
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.model.contact import RELAXATION, add_force, friction_force
 from helmet_sim_ros.model.foam import MODULUS, foam_row, foam_stress
-from helmet_sim_ros.model.helmet import Helmet, Liner
+from helmet_sim_ros.model.helmet import Helmet, Liner, Shell
 
 POISSON = 0.1  # EPS (general literature value): G = E / (2 (1 + nu))
 
@@ -92,6 +92,22 @@ def _zoned(liner: Liner, normal: FloatArray) -> tuple[FloatArray, FloatArray]:
     return thickness, density
 
 
+def crush_depth(
+    shell: Shell, position: FloatArray, rotation: FloatArray
+) -> FloatArray:
+    """How deep the undeformed shell would reach into the ground, shape (n,) [m].
+
+    Args:
+        position: of the helmet frame, (n, 3) [m].
+        rotation: helmet to world, (n, 3, 3).
+    """
+    vertical = rotation[:, 2]
+    lowest = position[:, 2] + vertical @ np.array(shell.center)
+    lowest -= np.linalg.norm(vertical * np.array(shell.semi_axes), axis=1)
+    depth: FloatArray = np.maximum(-lowest, 0.0)
+    return depth
+
+
 @njit(cache=True, nogil=True)
 def crush(
     geometry: FloatArray,
@@ -107,7 +123,7 @@ def crush(
     about: FloatArray,
     applied: FloatArray,
     wrench: FloatArray,
-) -> float:
+) -> None:
     """Add the ground's forces on every column.
 
     Args:
@@ -121,12 +137,8 @@ def crush(
         about: the body's centre of mass [m].
         applied: force and torque on the body, (6,); added to.
         wrench: force [N] and moment about the world origin [N m], (6,); added to.
-
-    Returns:
-        The deepest crush along the ground's normal [m].
     """
     m = rotation
-    deepest = 0.0
     for i in range(len(geometry)):
         g = geometry[i]
         depth = -(position[2] + m[6] * g[0] + m[7] * g[1] + m[8] * g[2])
@@ -145,7 +157,6 @@ def crush(
         if depth < half:
             share = (depth + half) / (2.0 * half)
             depth = 0.5 * (depth + half)  # mean depth of the part below the plane
-        deepest = max(deepest, depth)
         strain = depth * cosine / g[THICKNESS]
         fz = foam_stress(strain, largest[i], foam[i]) * g[AREA] * share * cosine
         largest[i] = max(largest[i], strain)
@@ -164,7 +175,6 @@ def crush(
         wrench[3] += py * fz
         wrench[4] -= px * fz
         wrench[5] += px * fy - py * fx
-    return deepest
 
 
 @njit(cache=True, nogil=True)

@@ -73,9 +73,8 @@ def advance(  # noqa: PLR0913 - flat arrays are what compiled code takes
         liner: geometry, foam, friction, largest strains and stick of the foam columns (no rows
             for a spring helmet); friction, stiffness, radius and stick of the head in it. See :mod:`helmet_sim_ros.model.liner`.
         stops: joint addresses and laws; see :mod:`helmet_sim_ros.model.stops`.
-        samples: rows of qpos, qvel, sensordata, coupling (3) and the ground's two wrenches (2, 6)
-            to write. Coupling is the spring's force on the shell; of a foam helmet, the third
-            value is the depth of the crush.
+        samples: rows of qpos, qvel, sensordata, the spring's force on the shell (3) and the
+            ground's two wrenches (2, 6) to write.
 
     Returns:
         ``last``, or the index of the first sample whose acceleration is not finite.
@@ -85,14 +84,14 @@ def advance(  # noqa: PLR0913 - flat arrays are what compiled code takes
     generalised, cartesian = forces
     law, energy_loss, spring_state = spring
     body, center, semi_axes, contact_law, stick = shapes
-    q_rows, v_rows, sensor_rows, coupling_rows, wrench_rows = samples
+    q_rows, v_rows, sensor_rows, spring_rows, wrench_rows = samples
     columns, foam, friction, largest, shear, padding, slip = liner
     q0, v0, helmet, head = slides
     scratch_force, scratch_wrench = np.zeros(3), np.zeros((2, 6))
     for i in range(first, last):
         for substep in range(substeps):
             sampled = substep == 0
-            force = coupling_rows[i] if sampled else scratch_force
+            force = spring_rows[i] if sampled else scratch_force
             wrench = wrench_rows[i] if sampled else scratch_wrench
             _mj_step1(model, data)
             if q0 >= 0:
@@ -105,7 +104,7 @@ def advance(  # noqa: PLR0913 - flat arrays are what compiled code takes
                 xpos, xmat, xipos, cvel, center_of_mass, cartesian, wrench,
             )  # fmt: skip
             if q0 < 0:
-                force[2] = crush(
+                crush(
                     columns, foam, friction, step, largest, shear, xpos[helmet], xmat[helmet],
                     cvel[helmet], center_of_mass, xipos[helmet], cartesian[helmet], wrench[0],
                 )  # fmt: skip
