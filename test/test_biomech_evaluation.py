@@ -11,7 +11,21 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from helmet_sim_ros.biomech import Evaluation, ImpactRecord, evaluate
+from helmet_sim_ros.biomech import (
+    Evaluation,
+    ImpactRecord,
+    damage,
+    evaluate,
+    gsi,
+    hic,
+    klc,
+    ric,
+    risk_bric,
+    risk_lognormal,
+    risk_prasad_mertz,
+    sfc,
+    ubric,
+)
 from helmet_sim_ros.biomech.record import CHANNELS, same_samples
 from helmet_sim_ros.errors import PulseError, SetupError
 from helmet_sim_ros.resources import share_directory
@@ -46,10 +60,10 @@ def test_a_half_sine_drop_has_the_criteria_of_its_closed_form() -> None:
     result = evaluate(drop_record())
     assert float(result.peak_g) == pytest.approx(200.0, rel=1e-9)
     assert result.peak_g.time == pytest.approx(0.005)
-    hic = 0.4146456495 * 200**2.5 * 0.010
+    exact = 0.4146456495 * 200**2.5 * 0.010
     for name in ("hic", "hic15", "hic36"):
         criterion = result.criteria[name]
-        assert criterion.value == pytest.approx(hic, rel=2e-4)
+        assert criterion.value == pytest.approx(exact, rel=2e-4)
         assert criterion.window == pytest.approx((0.00164885, 0.00835115), abs=5e-5)
     assert result.clip_3ms.value == pytest.approx(200 * np.cos(np.pi * 0.15), rel=1e-4)
     assert result.pulse_duration.value == pytest.approx(
@@ -199,9 +213,15 @@ def test_rotation_is_judged_in_head_axes() -> None:
     for name in ("bric", "bric_mps", "bric_csdm", "ubric", "damage", "ric"):
         first, second = (r.criteria[name].value for r in results)
         assert first > 0 and second == pytest.approx(first, rel=1e-9), name
-    assert results[0].bric.value == pytest.approx(
-        np.hypot(np.hypot(30 / 66.25, 10 / 56.45), 5 / 42.87)
+    first = results[0]
+    assert first.damage.value == pytest.approx(damage(alpha, 5e-5))
+    assert first.ric.value == pytest.approx(ric(alpha, 5e-5).value)
+    assert first.ubric.value == pytest.approx(ubric(omega, alpha))
+    assert first.klc.value == pytest.approx(
+        klc(first.peak_angular_velocity.value, first.hic36.value)
     )
+    assert first.risk_bric_ais3.value == pytest.approx(risk_bric(first.bric_mps.value, 3))
+    assert first.bric.value == pytest.approx(np.hypot(np.hypot(30 / 66.25, 10 / 56.45), 5 / 42.87))
 
 
 def test_helmet_and_neck_criteria_come_from_their_channels() -> None:
@@ -231,6 +251,25 @@ def test_every_risk_says_that_it_is_informative() -> None:
     assert len(risks) == 14
     assert all(c.note.startswith("informative: derived from") for c in risks)
     assert all(0.0 <= c.value <= 1.0 for c in risks)
+    long = evaluate(drop_record(peak_g=60.0, length=0.05, duration=0.06))
+    assert long.hic15.value < 0.9 * long.hic36.value
+    assert long.risk_skull_fracture.value == pytest.approx(risk_lognormal(long.hic15.value, 2))
+    assert long.klc.value == pytest.approx(klc(0.0, long.hic36.value))
+    assert long.risk_hic_fatal.value == pytest.approx(risk_prasad_mertz(long.hic15.value, 6))
+
+
+@pytest.mark.parametrize("length", [0.010, 0.040, 0.080])
+def test_every_hic_window_is_that_of_the_function(length: float) -> None:
+    record = drop_record(peak_g=80.0, length=length, duration=0.1, step=1e-4)
+    result = evaluate(record)
+    acceleration = record.head_acceleration / G
+    for name, window in (("hic", None), ("hic15", 0.015), ("hic36", 0.036)):
+        value, t1, t2 = hic(acceleration, 1e-4, window)
+        criterion = result.criteria[name]
+        assert criterion.value == pytest.approx(value, rel=1e-12), name
+        assert criterion.window == pytest.approx((t1, t2), abs=1e-12)
+    assert result.sfc.value == pytest.approx(sfc(acceleration, 1e-4).value)
+    assert result.gsi.value == pytest.approx(gsi(acceleration, 1e-4))
 
 
 def test_evaluation_is_deterministic_and_leaves_the_record_alone() -> None:

@@ -42,6 +42,10 @@ def test_the_impulse_ratio_counts_a_reversal() -> None:
     assert impulse_ratio(ground([0, 1, 1, 1, 1, 0], [0, 1, 1, -1, -1, 0])) == pytest.approx(0.0)
 
 
+def test_the_ground_cannot_pull() -> None:
+    assert peak_force_ratio(ground([0, 2000, -9000, 0], [0, 500, 0, 0])) == pytest.approx(0.25)
+
+
 def test_without_contact_every_ratio_is_0() -> None:
     none = ground(np.zeros(9), np.zeros(9))
     assert peak_force_ratio(none) == impulse_ratio(none) == instant_force_ratio(none)[0] == 0.0

@@ -42,15 +42,17 @@ def sampled(shape: str, peak: float, length: float, start: float, step: float) -
 
 
 def brute_force(values: Array, step: float, window: float | None = None) -> float:
-    """Every pair of samples, one by one."""
+    """Every pair of samples, and every window of the limit's length with an end on a sample."""
+    time = np.arange(len(values)) * step
     speed = np.concatenate(([0.0], np.cumsum((values[1:] + values[:-1]) / 2))) * step
-    best = 0.0
-    for i in range(len(values)):
-        for j in range(i + 1, len(values)):
-            length = (j - i) * step
-            if window is None or length <= window * (1 + 1e-12):
-                best = max(best, length * ((speed[j] - speed[i]) / length) ** 2.5)
-    return best
+    limit = time[-1] if window is None else window
+    pairs = [(a, b) for a in time for b in time if 0 < b - a <= limit * (1 + 1e-12)]
+    if limit < time[-1]:
+        pairs += [(a, a + limit) for a in time if a + limit <= time[-1]]
+        pairs += [(b - limit, b) for b in time if b >= limit]
+    start, end = np.array(pairs).T
+    gain = np.interp(end, time, speed) - np.interp(start, time, speed)
+    return float(((end - start) * (gain / (end - start)) ** 2.5).max())
 
 
 @pytest.mark.parametrize("step", RATES)
@@ -113,9 +115,15 @@ def test_the_search_finds_what_brute_force_finds(values: Array, share: float) ->
     assert hic(values, step).value == pytest.approx(brute_force(values, step), rel=1e-9)
     window = share * step * (len(values) - 1)
     result = hic(values, step, window)
-    # Brute force has windows between samples only; cutting at the limit can only gain.
-    assert result.value >= brute_force(values, step, window) * (1 - 1e-9)
+    assert result.value == pytest.approx(brute_force(values, step, window), rel=1e-9)
     assert result.t2 - result.t1 <= window * (1 + 1e-9)
+
+
+def test_the_limit_cuts_with_either_end_on_a_sample() -> None:
+    for seed in range(20):
+        values = np.random.default_rng(seed).random(40) * 100
+        window = 1e-4 * np.random.default_rng(seed + 100).uniform(5, 30)
+        assert hic(values, 1e-4, window).value == pytest.approx(brute_force(values, 1e-4, window))
 
 
 def noisy(seed: int, samples: int) -> Array:

@@ -8,7 +8,7 @@ import numpy as np
 
 from helmet_sim_ros.biomech import catalogue, helmet, linear, risk, rotation
 from helmet_sim_ros.biomech.filters import CORNER, filtered, sample_rate_warning
-from helmet_sim_ros.biomech.hic import maximum_window
+from helmet_sim_ros.biomech.hic import Hic, maximum_window
 from helmet_sim_ros.biomech.neck import NeckLoads, neck_loads
 from helmet_sim_ros.biomech.pulse import (
     STANDARD_GRAVITY,
@@ -91,12 +91,13 @@ class Measures:
         step = self._step
         resultant = magnitude(acceleration_g)
         self._peak("peak_g" + suffix, resultant)
-        for name, window in (("hic", None), ("hic15", 0.015), ("hic36", 0.036)):
-            best = maximum_window(resultant, step, window)
+        unlimited = maximum_window(resultant, step)
+        hic36 = _shortened(unlimited, resultant, step, 0.036)
+        hic15 = _shortened(hic36, resultant, step, 0.015)
+        for name, best in (("hic", unlimited), ("hic15", hic15), ("hic36", hic36)):
             self._add(name + suffix, best.value, best[1:])
-            if name == "hic15":
-                mean = linear.mean_of_window(best)
-                self._add("sfc" + suffix, mean.value, mean[1:])
+        mean = linear.mean_of_window(hic15)
+        self._add("sfc" + suffix, mean.value, mean[1:])
         self._add("hic_d" + suffix, linear.hic_d(self.criteria["hic36" + suffix].value))
         self._add("gsi" + suffix, linear.severity(resultant, step))
         lags = linear.CLIP_DURATION / step
@@ -217,3 +218,10 @@ class Measures:
                 "head_acceleration: larger than m/s^2 by 9.81: its integral is 9.81 times the "
                 "change of head_velocity"
             )
+
+
+def _shortened(best: Hic, resultant: FloatArray, time_step: float, window: float) -> Hic:
+    """The maximum within ``window``, given the one within a longer window."""
+    if best.t2 - best.t1 <= window * (1.0 + 1e-12):
+        return best  # the best of more windows is the best of these
+    return maximum_window(resultant, time_step, window)
