@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -118,3 +119,16 @@ def test_every_criterion_is_in_the_catalogue_with_its_unit() -> None:
     assert missing == {"bottoming"}  # the record has no setup
     for name, criterion in result.criteria.items():
         assert criterion.name == name and criterion.unit == CATALOGUE[name].unit
+
+
+def test_the_documentation_names_every_standard_and_criterion() -> None:
+    from helmet_sim_ros.resources import share_directory
+
+    text = (share_directory() / "docs" / "criteria.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"`([a-z0-9_]+)`", text))
+    for name in standard_names():
+        assert name in named or name.rsplit("_", 1)[0] + "_low" in named, name
+    ranges = r"risk_(hic|bric)_ais[234]"  # written as "... to ..."
+    for name in CATALOGUE:
+        base = re.sub(r"_cfc\d+$", "", name)
+        assert base in named or re.fullmatch(ranges, base), name
