@@ -27,6 +27,7 @@ EXTRAS = {
         "colcon-common-extensions",
         "dynars>=1.1",
         "hypothesis",
+        "jsonschema",
         "jinja2",
         "matplotlib",
         "mcap-ros2-support",
