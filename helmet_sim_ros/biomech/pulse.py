@@ -99,7 +99,8 @@ def magnitude(values: FloatArray) -> FloatArray:
     if values.ndim == 1:
         return np.abs(values)
     squares = values * values
-    return np.sqrt(squares[:, 0] + squares[:, 1] + squares[:, 2])
+    length: FloatArray = np.sqrt(squares[:, 0] + squares[:, 1] + squares[:, 2])
+    return length
 
 
 def resultant_g(acceleration_g: ArrayLike, time_step: float) -> FloatArray:
