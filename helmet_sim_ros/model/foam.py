@@ -45,6 +45,14 @@ def foam_row(density: float, energy_returned: float) -> FloatArray:
     )
 
 
+def bottoming_strain(foam: FloatArray) -> float:
+    """Strain at which compressed gas and touching walls have doubled the yield stress.
+
+    From there the liner stiffens steeply: an impact that goes beyond has bottomed it out.
+    """
+    return float(foam[LIMIT] * foam[YIELD] / (foam[GAS] + foam[YIELD]))
+
+
 @njit(cache=True, nogil=True)
 def loading_stress(strain: float, foam: FloatArray) -> float:
     """Stress [Pa] on the loading path."""

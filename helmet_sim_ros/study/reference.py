@@ -41,8 +41,8 @@ class Reference:
 def load_reference(name_or_path: str) -> Reference:
     """The table ``config/references/NAME.csv``, or any such CSV file by path.
 
-    The first line that starts with ``#`` is the source, all others are comments. Columns with a dotted name are conditions, columns
-    ``CRITERION/MODEL`` published values.
+    The first line that starts with ``#`` is the source, all others are comments. Columns with a
+    dotted name are conditions, columns ``CRITERION/MODEL`` published values.
 
     Raises:
         SetupError: no such table, or a malformed one; names file, row and column.
