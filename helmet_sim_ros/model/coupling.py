@@ -62,6 +62,24 @@ def unloading_exponent(exponent: float, compression: float, energy_loss: float) 
 
 
 @njit(cache=True, nogil=True)
+def deepest(scale: float, exponent: float, energy: float) -> tuple[float, float]:
+    """Compression [m] and force [N] at which the loading path has taken up an energy [J].
+
+    The energy up to d is A ((exp(B d) - 1) / B - d).
+    """
+    low, high = 0.0, 1.0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        x = exponent * middle
+        taken = scale / exponent * (math.expm1(x) - x) if x < 700.0 else math.inf
+        if taken < energy:
+            low = middle
+        else:
+            high = middle
+    return high, loading_force(scale, exponent, high)
+
+
+@njit(cache=True, nogil=True)
 def unloading_force(peak: float, force: float, exponent: float, compression: float) -> float:
     """Force [N] on the unloading path through (peak [m], force [N]); stable for any exponent."""
     return (

@@ -23,7 +23,7 @@ from helmet_sim_ros.model.liner import POINT, THICKNESS, crush_depth
 from helmet_sim_ros.model.loop import advance
 from helmet_sim_ros.model.setup import ImpactSetup
 from helmet_sim_ros.model.stops import joint_stops
-from helmet_sim_ros.model.world import build
+from helmet_sim_ros.model.world import build, substeps
 
 
 def simulate(setup: ImpactSetup, crush: FloatArray | None = None) -> ImpactRecord:
@@ -85,6 +85,7 @@ class Impact:
         )  # fmt: skip
         if self._liner[3].shape != (len(columns),):
             raise PulseError(f"crush: shape {self._liner[3].shape}, expected ({len(columns)},)")
+        self._substeps = substeps(setup)
         self._stops = joint_stops(model)
         self._samples = tuple(
             np.zeros((self.total, *columns))
@@ -111,7 +112,7 @@ class Impact:
         last = min(self._done + samples, self.total)
         self._done = advance(
             self._model._address, self._data._address, self._model.opt.timestep,
-            self.setup.substeps, self._done, last,
+            self._substeps, self._done, last,
             self._states, self._frames, self._forces, self._columns.slides, self._spring,
             self._shapes, self._liner, self._stops, self._samples,
         )  # fmt: skip

@@ -1,7 +1,7 @@
 """Joint stops: beyond its range a joint meets a stiff, damped ligament.
 
 The torque beyond the limit by e is -K e (1 + c e'), never pulling back into the stop; K is
-``STIFFENING`` times the joint's passive stiffness. Both constants are design choices: soft enough
+``STIFFENING`` times the joint's passive stiffness. The constants are design choices: soft enough
 not to shake the head, stiff enough that a joint exceeds its range by a few degrees only. MuJoCo's
 own limits are constraints; while one is active a step costs half as much again.
 """
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.model.contact import normal_force
 
-STIFFENING = 20.0
+STIFFENING = {"hinge": 20.0, "slide": 3.0}
 DAMPING = 0.05  # s/rad (s/m for a sliding joint)
 
 #: Joints with a stop: their index in qpos and in qvel, (n, 2), and lower limit, upper limit,
@@ -29,7 +29,9 @@ def joint_stops(model: mujoco.MjModel) -> Stops:
     joints = np.flatnonzero(model.jnt_limited)
     address = np.column_stack([model.jnt_qposadr[joints], model.jnt_dofadr[joints]])
     passive = np.array([model.joint(int(j)).stiffness[0] for j in joints])
-    law = np.column_stack([model.jnt_range[joints], STIFFENING * passive])
+    slides = model.jnt_type[joints] == mujoco.mjtJoint.mjJNT_SLIDE
+    factor = np.where(slides, STIFFENING["slide"], STIFFENING["hinge"])
+    law = np.column_stack([model.jnt_range[joints], factor * passive])
     return address.astype(np.int64), law
 
 

@@ -13,10 +13,14 @@ from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.model.anthropometry import anthropometry
 from helmet_sim_ros.model.body import BODY_CONTACT, add_body
 from helmet_sim_ros.model.contact import FRICTION, Shapes
+from helmet_sim_ros.model.coupling import deepest, law_table, unloading_exponent
 from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.liner import Columns, columns, no_columns
 from helmet_sim_ros.model.setup import ImpactSetup, Rider
 
+MAX_STEP = 5e-5  # s, largest integration step: peaks within 1 % (test_model_impact)
+STABLE_SHARE = 0.9
+BODY_MARGIN = 1.3  # energy the body feeds into the spring, over that of head and helmet
 HELMET_COLOR = (0.20, 0.36, 0.62, 0.9)
 GROUND_COLOR = (0.55, 0.55, 0.55, 1.0)
 
@@ -68,7 +72,7 @@ def build(setup: ImpactSetup) -> World:
     """Compile the model of a setup and place it at the first touch of the ground."""
     parts = _parts(
         setup.rig, setup.rider, setup.helmet_config, setup.resolved_neck_flexion_deg,
-        setup.gravity, setup.time_step / setup.substeps,
+        setup.gravity, setup.time_step / substeps(setup),
     )  # fmt: skip
     shapes = parts.shapes
     if setup.helmet_config.coupling == "spring":
@@ -100,6 +104,30 @@ def _parts(
     return Parts(
         model, spec, _contact_shapes(model, helmet), columns(helmet) if foam else no_columns()
     )
+
+
+def substeps(setup: ImpactSetup) -> int:
+    """Integration steps per sample, so that the explicit forces stay stable.
+
+    The stiffest mode is the light struck shell of mass m between its contact (stiffness k, damping
+    c F at force F) and the unloading path of the spring (slope C F): an explicit step must stay
+    below 2/w (sqrt(1 + z^2) - z), w^2 = (k + C F) / m, z = c F / (2 m w). F is bounded by the
+    energy of head and helmet at the impact speed, with a margin for what the body adds.
+    """
+    step = MAX_STEP
+    helmet = setup.helmet_config
+    if helmet.coupling == "spring":
+        shell, loss = helmet.shell, helmet.spring.energy_loss
+        head = anthropometry(setup.rider).segments["head"].mass
+        energy = 0.5 * BODY_MARGIN * (head + helmet.mass) * setup.normal_velocity**2
+        for scale, exponent in law_table(helmet.spring):
+            depth, force = deepest(scale, exponent, energy)
+            stiffness = shell.contact_stiffness + unloading_exponent(exponent, depth, loss) * force
+            frequency = math.sqrt(stiffness / shell.effective_mass)
+            damping = 0.5 * shell.contact_damping * force / (shell.effective_mass * frequency)
+            limit = 2.0 / frequency * (math.hypot(1.0, damping) - damping)
+            step = min(step, STABLE_SHARE * limit)
+    return math.ceil(setup.time_step / step - 1e-9)
 
 
 def head_to_world(setup: ImpactSetup) -> FloatArray:
