@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.integrate import trapezoid
@@ -13,6 +14,7 @@ from helmet_sim_ros.errors import SetupError
 from helmet_sim_ros.model.foam import bottoming_strain, foam_row
 from helmet_sim_ros.model.impact import simulate
 from helmet_sim_ros.model.setup import ImpactSetup
+from helmet_sim_ros.study.scenario import load_scenario
 
 #: Zone of the helmet that each striking part belongs to.
 ZONES = {"front": "front", "back": "back", "left": "side", "right": "side", "side": "side", "top": "top"}
@@ -65,6 +67,36 @@ def loop_energy_loss(force: FloatArray, compression: FloatArray) -> float:
     loaded = trapezoid(force[:turn], compression[:turn])
     returned = -trapezoid(force[turn - 1 :], compression[turn - 1 :])
     return float(1.0 - returned / loaded)
+
+
+@dataclass(frozen=True)
+class SimulatedDrop:
+    """A simulated drop: its setup, what was measured, and its force-compression loop.
+
+    Attributes:
+        loop: side, speed [m/s], approach of the head (n,) [m], force of the anvil (n,) [N].
+    """
+
+    setup: ImpactSetup
+    test: DropTest
+    loop: tuple[str, float, FloatArray, FloatArray]
+
+
+def simulated_drops(**common: Any) -> list[SimulatedDrop]:
+    """Simulate the scenario ``drop_tests``.
+
+    Args:
+        **common: see :func:`helmet_sim_ros.study.scenario.load_scenario`.
+    """
+    drops = []
+    for setup in load_scenario("drop_tests", **common).setups:
+        record = simulate(setup)
+        test = measure(record, setup)
+        compression, force = approach(record), record.ground_force[:, 2]
+        end = int(np.flatnonzero(force > 0.0)[-1]) + 2  # up to the loss of contact
+        loop = (test.direction, test.normal_velocity, compression[:end], force[:end])
+        drops.append(SimulatedDrop(setup, test, loop))
+    return drops
 
 
 def drop_test(setup: ImpactSetup) -> DropTest:

@@ -8,7 +8,6 @@ ground, F / k of the helmet's contact stiffness k, which the model adds again: i
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -34,8 +33,10 @@ class SideFit:
 
     Attributes:
         side: front, back, side or top.
-        A: [N]; ``A_interval`` its 95 % confidence interval.
-        B: [1/m]; ``B_interval`` likewise.
+        A: [N].
+        B: [1/m]; ``B_interval`` its 95 % confidence interval.
+        stiffness: initial stiffness A B [N/m]; ``stiffness_interval`` its 95 % interval. A alone
+            has no useful interval: for a nearly straight law A and B trade against each other.
         compression: of the spring at the peaks, shell bending taken off, shape (n,) [m].
         force: measured peaks, (n,) [N].
         speed: (n,) [m/s].
@@ -45,7 +46,8 @@ class SideFit:
     side: str
     A: float
     B: float
-    A_interval: tuple[float, float]
+    stiffness: float
+    stiffness_interval: tuple[float, float]
     B_interval: tuple[float, float]
     compression: FloatArray
     force: FloatArray
@@ -148,17 +150,15 @@ def _fit(side: str, tests: list[DropTest], base: Helmet) -> SideFit:
     (stiffness, exponent), covariance = curve_fit(
         law, compression, force, p0=start, sigma=force, bounds=((1.0, 1e-3), (1e9, 499.0))
     )
-    scale = stiffness / exponent
     reach = float(student.ppf(0.5 + 0.5 * CONFIDENCE, len(force) - 2))
-    gradient = np.array([1.0 / exponent, -stiffness / exponent**2])  # of A in (stiffness, B)
-    scale_error = reach * math.sqrt(max(0.0, float(gradient @ covariance @ gradient)))
-    exponent_error = reach * math.sqrt(max(0.0, float(covariance[1, 1])))
+    errors = reach * np.sqrt(np.diag(covariance))
     return SideFit(
         side=side,
-        A=float(scale),
+        A=float(stiffness / exponent),
         B=float(exponent),
-        A_interval=(float(scale - scale_error), float(scale + scale_error)),
-        B_interval=(float(exponent - exponent_error), float(exponent + exponent_error)),
+        stiffness=float(stiffness),
+        stiffness_interval=(float(stiffness - errors[0]), float(stiffness + errors[0])),
+        B_interval=(float(exponent - errors[1]), float(exponent + errors[1])),
         compression=compression,
         force=force,
         speed=np.array([t.normal_velocity for t in tests]),

@@ -1,0 +1,86 @@
+"""Identify a helmet's coupling spring from drop tests."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.table import Table
+
+if TYPE_CHECKING:
+    from helmet_sim_ros.study.identify import Identification
+
+
+@click.command()
+@click.argument("table", required=False, type=click.Path(path_type=Path))
+@click.option("--helmet", default="fullface", show_default=True,
+              help="Base helmet: without TABLE its foam liner is dropped in simulation; shell, "
+              "mass and liner are kept.")  # fmt: skip
+@click.option("--output", type=click.Path(path_type=Path),
+              help="Write the helmet with the identified spring to this YAML file.")  # fmt: skip
+@click.option("--plot", type=click.Path(path_type=Path),
+              help="Write the figure to this file (.svg, .pdf or .png).")  # fmt: skip
+@click.option("--peaks", type=click.Path(path_type=Path),
+              help="Write the drop tests' peaks to this CSV file.")  # fmt: skip
+def command(
+    table: Path | None, helmet: str, output: Path | None, plot: Path | None, peaks: Path | None
+) -> None:
+    """Identify F = A (exp(B d) - 1) per side from the drop tests in TABLE, a CSV file.
+
+    Columns: direction, normal_velocity_m_s, peak_force_N, peak_compression_m (one row per test),
+    or direction, normal_velocity_m_s, force_N, compression_m (full loops). Without TABLE the
+    scenario drop_tests is simulated with the foam liner of the base helmet.
+    """
+    from helmet_sim_ros.model.helmet import load_helmet
+    from helmet_sim_ros.study.drop_table import read_drop_table, write_drop_table
+    from helmet_sim_ros.study.drop_tests import simulated_drops
+    from helmet_sim_ros.study.identify import identify, write_helmet
+
+    console = Console(highlight=False)
+    base = load_helmet(helmet)
+    if table is None:
+        drops = simulated_drops(helmet=helmet, overrides={"helmet.coupling": "foam"})
+        tests, loops = [d.test for d in drops], [d.loop for d in drops]
+        origin = f"16 simulated drops of the foam liner of {helmet}"
+    else:
+        tests, loops = read_drop_table(table), []
+        origin = f"{len(tests)} drop tests in {table.name}"
+    result = identify(tests, base)
+    show(result, console)
+    if peaks:
+        write_drop_table(tests, peaks)
+        console.print(f"peaks: {peaks}")
+    if output:
+        write_helmet(result, output, f"{helmet} with its spring identified from {origin}.")
+        console.print(f"helmet: {output}")
+    if plot:
+        from helmet_sim_ros.report.identification import identification_figure, save
+
+        save(identification_figure(result, loops), plot)
+        console.print(f"figure: {plot}")
+
+
+def show(result: Identification, console: Console) -> None:
+    """Print the laws with their confidence and residuals."""
+    view = Table(title="identified spring, F = A (exp(B d) - 1)", title_justify="left",
+                 box=SIMPLE_HEAD, pad_edge=False)  # fmt: skip
+    for header in ("side", "A [N]", "B [1/m]", "95 %", "A B [kN/m]", "95 %", "residuals [%]"):
+        view.add_column(header, justify="left" if header == "side" else "right")
+    for fit in result.fits:
+        view.add_row(
+            fit.side, f"{fit.A:.0f}", f"{fit.B:.2f}", _span(fit.B_interval),
+            f"{fit.stiffness / 1e3:.0f}", _span(fit.stiffness_interval, 1e3),
+            " ".join(f"{100 * r:+.1f}" for r in fit.residual),
+        )  # fmt: skip
+    console.print(view)
+    console.print(f"energy loss per cycle {result.energy_loss:.3f}")
+    for note in result.notes:
+        console.print(f"note: {note}")
+
+
+def _span(interval: tuple[float, float], unit: float = 1.0) -> str:
+    low, high = interval
+    return f"{low / unit:.0f}..{high / unit:.0f}"
