@@ -66,3 +66,7 @@ class LogError(HelmetSimError):
 
 class NodeError(HelmetSimError):
     """A node, service or peer did not answer as the contract says."""
+
+
+class StudyError(HelmetSimError):
+    """A study could not be finished; every result it had by then is kept."""

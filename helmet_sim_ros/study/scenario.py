@@ -98,15 +98,15 @@ def load_scenario(name_or_path: str | Path, **common: Any) -> Scenario:
     replaced = _dotted_arguments(common)
     setup_from_names(replaced)
     shared = flatten(file.common, f"{path}: common")
-    _validated(shared, f"{path}: common")
+    validated(shared, f"{path}: common")
     reference = _reference(file, path)
 
-    combinations = list(_combinations(file, path))
+    combinations = list(combinations_of(file, path))
     names = _names(combinations, file.name or path.stem)
     cases = []
     for number, ((_, values), name) in enumerate(zip(combinations, names, strict=True), 1):
         values = shared | values | replaced
-        setup = _validated(values, f"{path}: case {number} ({name})")
+        setup = validated(values, f"{path}: case {number} ({name})")
         published = reference.row(setup.described()) if reference else None
         cases.append(Case(name, setup, values, published))
     return Scenario(file.name or path.stem, file.description, tuple(cases), path, reference)
@@ -133,7 +133,7 @@ def flatten(values: Mapping[Any, Any], source: str = "", prefix: str = "") -> di
     return flat
 
 
-def _combinations(file: ScenarioFile, path: Path) -> Iterable[tuple[str, dict[str, Any]]]:
+def combinations_of(file: ScenarioFile, path: Path) -> Iterable[tuple[str, dict[str, Any]]]:
     """Explicit name (or "") and values of every case, without the common values."""
     axes = flatten(file.product, f"{path}: product")
     lists = {name: v if isinstance(v, (list, tuple)) else [v] for name, v in axes.items()}
@@ -180,7 +180,12 @@ def _label(values: Mapping[str, Any]) -> str:
     return " ".join(parts)
 
 
-def _validated(values: Mapping[str, Any], where: str) -> ImpactSetup:
+def validated(values: Mapping[str, Any], where: str) -> ImpactSetup:
+    """The setup of dotted names.
+
+    Raises:
+        SetupError: unknown name or refused value; says that it stands in ``where``.
+    """
     try:
         return setup_from_names(values)
     except SetupError as error:
