@@ -26,17 +26,6 @@ NODES = ("simulation", "evaluator", "recorder", "scenario")
 PATIENCE = (10.0, 3.0)
 
 
-def local_discovery(domain_id: int | None = None) -> None:
-    """Keep ROS traffic of this process and its children on this host, unless the user chose.
-
-    Args:
-        domain_id: the ROS domain; None: ``ROS_DOMAIN_ID`` as it is.
-    """
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    if domain_id is not None:
-        os.environ["ROS_DOMAIN_ID"] = str(domain_id)
-
-
 @contextmanager
 def termination_as_interrupt() -> Iterator[None]:
     """SIGTERM and SIGHUP unwind the stack like Ctrl-C, so that children get stopped."""

@@ -12,9 +12,9 @@ from rich.console import Console
 
 from helmet_sim_ros.cli._client import call, ros_client, wait_for_service
 from helmet_sim_ros.cli._options import domain_option
-from helmet_sim_ros.cli._processes import local_discovery
 from helmet_sim_ros.errors import NodeError
 from helmet_sim_ros.model.setup import setup_from_names, setup_leaves
+from helmet_sim_ros.nodes.environment import prepare_environment
 from helmet_sim_ros.schema import Leaf
 from helmet_sim_ros.study.overrides import parse_overrides
 
@@ -68,7 +68,7 @@ def impact(
     values |= parse_overrides(overrides)
     setup_from_names(values)  # refuse bad input before anyone is asked
 
-    local_discovery(domain_id)
+    prepare_environment(domain_id)
     with ros_client() as node:
         from rcl_interfaces.srv import SetParametersAtomically
         from rclpy.parameter import Parameter

@@ -17,10 +17,10 @@ from helmet_sim_ros.cli._client import call, ros_client, wait_for_service
 from helmet_sim_ros.cli._options import domain_option
 from helmet_sim_ros.cli._processes import (
     NodeProcesses,
-    local_discovery,
     termination_as_interrupt,
 )
 from helmet_sim_ros.errors import LogError, NodeError
+from helmet_sim_ros.nodes.environment import prepare_environment
 
 #: How long the nodes may take until they answer [s]; a loaded machine needs a few.
 START_TIMEOUT = 60.0
@@ -49,17 +49,18 @@ def command(
 
     Exit code 0: every case was evaluated; 1: not all; 2: bad input, nothing was started.
     """
-    from helmet_sim_ros.biomech.standards import DEFAULT_STANDARD, load_standard
     from helmet_sim_ros.study import load_scenario
     from helmet_sim_ros.study.overrides import parse_overrides
 
     console = Console(highlight=False)
     plan = load_scenario(scenario, overrides=parse_overrides(overrides))
-    load_standard(standard or DEFAULT_STANDARD)
-    check_writable(output)
     console.print(f"[bold]{plan.name}[/bold]: {len(plan.cases)} impacts; starting the nodes")
+    check_writable(output)
+    from helmet_sim_ros.biomech.standards import DEFAULT_STANDARD, load_standard  # slow to import
 
-    local_discovery(domain_id)
+    load_standard(standard or DEFAULT_STANDARD)
+
+    prepare_environment(domain_id)
     parameters: dict[str, dict[str, Any]] = {
         "evaluator": {"standard": standard or DEFAULT_STANDARD},
         "recorder": {"output_dir": str(output.resolve())},

@@ -12,9 +12,9 @@ from helmet_sim_ros.cli._options import domain_option
 from helmet_sim_ros.cli._processes import (
     NODES,
     NodeProcesses,
-    local_discovery,
     termination_as_interrupt,
 )
+from helmet_sim_ros.nodes.environment import prepare_environment
 
 
 @click.command()
@@ -26,7 +26,7 @@ def command(output: Path, domain_id: int | None) -> None:
     from helmet_sim_ros.cli.run import check_writable
 
     check_writable(output)
-    local_discovery(domain_id)
+    prepare_environment(domain_id)
     parameters = {"recorder": {"output_dir": str(output.resolve())}}
     try:
         with termination_as_interrupt(), NodeProcesses(parameters, quiet=False) as nodes:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import sys
 import time
@@ -20,6 +19,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
 from helmet_sim_ros.errors import HelmetSimError, SetupError
+from helmet_sim_ros.nodes.environment import prepare_environment
 
 #: Wall clock for timers: a node may run with use_sim_time while simulation time stands still.
 WALL = Clock(clock_type=ClockType.STEADY_TIME)
@@ -39,7 +39,7 @@ def run_node(name: str, create: Callable[[], Node], args: list[str] | None = Non
     Returns:
         Exit code: 0 after a signal, 2 if the node refused its parameters, 1 for other errors.
     """
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    prepare_environment()
     stopped = []
 
     def stop(number: int, frame: FrameType | None) -> None:
