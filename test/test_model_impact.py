@@ -5,6 +5,7 @@ import math
 import mujoco
 import numpy as np
 import pytest
+from scipy.integrate import cumulative_trapezoid
 from scipy.spatial.transform import Rotation
 
 from helmet_sim_ros.biomech import hic
@@ -86,15 +87,15 @@ def test_the_recorded_velocities_are_the_derivatives_of_the_poses() -> None:
     record = simulate(ImpactSetup(tangential_velocity=5.0, time_step=1e-5))
     velocity = np.gradient(record.head_position, record.time_step, axis=0)
     assert np.abs(velocity - record.head_velocity)[5:-5].max() < 0.05
-    acceleration = np.gradient(record.head_velocity, record.time_step, axis=0)
-    error = np.abs(acceleration - record.head_acceleration)[20:-20].max()
-    assert error < 0.03 * np.abs(record.head_acceleration).max()
+    gained = cumulative_trapezoid(record.head_acceleration, dx=record.time_step, axis=0)
+    change = record.head_velocity[1:] - record.head_velocity[0]
+    assert np.abs(gained - change).max() < 2e-3 * np.abs(change).max()
     turn = Rotation.from_quat(record.head_orientation)
     rate = (turn[1:] * turn[:-1].inv()).as_rotvec() / record.time_step
     assert np.abs(rate - record.head_angular_velocity[1:])[5:].max() < 0.2
-    angular = np.gradient(record.head_angular_velocity, record.time_step, axis=0)
-    error = np.abs(angular - record.head_angular_acceleration)[20:-20].max()
-    assert error < 0.03 * np.abs(record.head_angular_acceleration).max()
+    gained = cumulative_trapezoid(record.head_angular_acceleration, dx=record.time_step, axis=0)
+    change = record.head_angular_velocity[1:]
+    assert np.abs(gained - change).max() < 2e-3 * np.abs(change).max()
 
 
 def test_the_recorded_coupling_loop_is_the_law() -> None:
@@ -150,7 +151,7 @@ def test_the_named_part_of_the_helmet_strikes(direction: str, axis: int, sense: 
     displacement = record.coupling_displacement
     peak = np.abs(displacement).max(axis=0)
     assert peak.argmax() == axis
-    assert sense * displacement[np.abs(displacement[:, axis]).argmax(), axis] > 0.015
+    assert sense * displacement[np.abs(displacement[:, axis]).argmax(), axis] > 0.010
     assert np.delete(peak, axis).max() < 1e-6
     turn = Rotation.from_quat(record.head_orientation[0])
     strike = np.zeros(3)
@@ -251,3 +252,16 @@ def test_gravity_and_speed_can_be_varied() -> None:
     assert 2.5 < peak_g(fast) / peak_g(slow) < 4.0
     weightless = simulate(ImpactSetup(rig="headform", gravity=0.0, duration=1e-3))
     assert weightless.head_acceleration[0] == pytest.approx([0, 0, 0], abs=0.1)
+
+
+@pytest.mark.parametrize("normal", [5.0, 10.0, 20.0])
+@pytest.mark.parametrize(("mass", "stiffness"), [(0.08, 2e6), (0.03, 8e6)])
+def test_a_light_stiff_shell_stays_stable(normal: float, mass: float, stiffness: float) -> None:
+    """The integration step follows the stability limit; the sampling step stays the user's."""
+    overrides = {
+        "helmet.shell.effective_mass": mass, "helmet.shell.contact_stiffness": stiffness,
+    }  # fmt: skip
+    common = {"rig": "headform", "normal_velocity": normal, "duration": 0.02}
+    coarse = simulate(ImpactSetup(time_step=5e-5, overrides=overrides, **common))
+    fine = simulate(ImpactSetup(time_step=5e-6, overrides=overrides, **common))
+    assert coarse.ground_force[:, 2].max() == pytest.approx(fine.ground_force[:, 2].max(), rel=0.01)

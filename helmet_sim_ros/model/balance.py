@@ -22,7 +22,8 @@ class Balance:
         impulse: integral of ground forces and gravity since the first sample, (n, 3) [N s].
         kinetic: [J], (n,).
         potential: gravity and joint springs [J], (n,).
-        coupling: what the coupling spring would still give back [J], (n,).
+        coupling: what the coupling spring would still give back [J], (n,); 0 for a foam liner,
+            whose small elastic share is not counted.
         contact: elastic energy of the ground contacts [J], (n,); of the friction's stick
             deflection only the helmet's, from its force.
     """
@@ -75,8 +76,10 @@ def balance(impact: Impact) -> Balance:
     force = record.ground_force + record.body_ground_force + mass * model.opt.gravity
     steps = 0.5 * (force[1:] + force[:-1]) * record.time_step
     impulse = np.vstack([np.zeros(3), np.cumsum(steps, axis=0)])
-    spring = impact.setup.helmet_config.spring
-    stored = recoverable_energy(record.coupling_displacement, spring)
-    friction = np.linalg.norm(record.ground_force[:, :2], axis=1)
-    contact += 0.5 * friction**2 / (TANGENTIAL_SHARE * impact.shapes.law[0, STIFFNESS])
+    helmet = impact.setup.helmet_config
+    stored = np.zeros(n)
+    if helmet.coupling == "spring":
+        stored = recoverable_energy(record.coupling_displacement, helmet.spring)
+        friction = np.linalg.norm(record.ground_force[:, :2], axis=1)
+        contact += 0.5 * friction**2 / (TANGENTIAL_SHARE * helmet.shell.contact_stiffness)
     return Balance(momentum, impulse, kinetic, potential, stored, contact)

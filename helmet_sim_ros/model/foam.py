@@ -98,3 +98,12 @@ def foam_stress(strain: float, largest: float, foam: FloatArray) -> float:
     if strain <= rest:
         return 0.0
     return loading_stress(largest, foam) * (strain - rest) / (largest - rest)
+
+
+@njit(cache=True, nogil=True)
+def mean_over_point(low: float, high: float, foam: FloatArray) -> float:
+    """Loading stress averaged over strains ``low`` to ``high``, over that at their middle [-]."""
+    if high - low < 1e-6:
+        return 1.0
+    mean = (loading_energy(high, foam) - loading_energy(low, foam)) / (high - low)
+    return mean / loading_stress(0.5 * (low + high), foam)

@@ -8,8 +8,9 @@ sliding of the head in the liner, and the face opening.
 
 A column is a cell of the outer surface with its outward normal n, area and liner thickness t. At
 an angle a to the ground's normal a crush depth d strains it by d cos(a) / t over the projected
-area. Cells that straddle the ground plane count with the share of their area below it, which makes
-a few hundred of them converge.
+area. Within a cell the stress is averaged over the span of depths that its tilt gives it, and a cell
+that straddles the ground plane counts with the share of its area below it: so a few hundred cells
+converge.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from numba import njit
 
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.model.contact import RELAXATION, add_force, friction_force
-from helmet_sim_ros.model.foam import MODULUS, foam_row, foam_stress
+from helmet_sim_ros.model.foam import MODULUS, foam_row, foam_stress, mean_over_point
 from helmet_sim_ros.model.helmet import Helmet, Liner, Shell
 
 POISSON = 0.1  # EPS (general literature value): G = E / (2 (1 + nu))
@@ -59,7 +60,8 @@ def columns(helmet: Helmet) -> Columns:
     """The columns of a helmet: a Fibonacci lattice mapped onto the shell's ellipsoid.
 
     The lattice spreads n directions evenly over the unit sphere; direction u maps to the point D u
-    with D = diag(semi-axes), with area det(D) |D^-1 u| 4 pi / n and normal along D^-1 u.
+    with D = diag(semi-axes), with area det(D) |D^-1 u| 4 pi / n and normal along D^-1 u. A cell
+    of radius r on a surface of mean curvature H lies r^2 H / 4 behind its middle on average.
     """
     axes, liner = np.array(helmet.shell.semi_axes), helmet.liner
     n = liner.columns
@@ -72,8 +74,13 @@ def columns(helmet: Helmet) -> Columns:
     normal /= stretch[:, None]
     area = axes.prod() * stretch * 4.0 * np.pi / n
     thickness, density = _zoned(liner, normal)
+    radius, surface = np.sqrt(area / np.pi), axes * u
+    # Mean curvature of an ellipsoid at its point p, with |grad| = |p / axes^2| (do Carmo, 3-3).
+    gradient = np.linalg.norm(surface / axes**2, axis=1)
+    curvature = ((axes**2).sum() - (surface**2).sum(axis=1)) / (2 * axes.prod() ** 2 * gradient**3)
+    point = surface - (0.25 * radius**2 * curvature)[:, None] * normal
     geometry = np.column_stack(
-        [axes * u + np.array(helmet.shell.center), normal, area, thickness, np.sqrt(area / np.pi)]
+        [point + np.array(helmet.shell.center), normal, area, thickness, radius]
     )
     foam = np.array([foam_row(rho, liner.energy_returned) for rho in density])
     inner = axes.mean() - thickness.mean()
@@ -153,12 +160,15 @@ def crush(
         if depth <= -half:
             stick[i] = 0.0
             continue
-        share = 1.0
-        if depth < half:
-            share = (depth + half) / (2.0 * half)
-            depth = 0.5 * (depth + half)  # mean depth of the part below the plane
-        strain = depth * cosine / g[THICKNESS]
-        fz = foam_stress(strain, largest[i], foam[i]) * g[AREA] * share * cosine
+        share, low, high = 1.0, depth - half, depth + half
+        if low < 0.0:
+            share, low = high / (2.0 * half), 0.0
+        to_strain = cosine / g[THICKNESS]
+        strain = 0.5 * (low + high) * to_strain  # mean of the part below the plane
+        stress = foam_stress(strain, largest[i], foam[i])
+        if stress > 0.0:
+            stress *= mean_over_point(low * to_strain, high * to_strain, foam[i])
+        fz = stress * g[AREA] * share * cosine
         largest[i] = max(largest[i], strain)
         px = position[0] + m[0] * g[0] + m[1] * g[1] + m[2] * g[2]
         py = position[1] + m[3] * g[0] + m[4] * g[1] + m[5] * g[2]

@@ -16,6 +16,7 @@ from numba import njit, types
 from numpy.typing import NDArray
 
 from helmet_sim_ros.biomech.record import FloatArray
+from helmet_sim_ros.model import contact, coupling, foam, liner, stops
 from helmet_sim_ros.model.contact import ground_contact
 from helmet_sim_ros.model.coupling import spring_force
 from helmet_sim_ros.model.liner import crush, head_friction
@@ -38,7 +39,7 @@ _mj_step2 = types.ExternalFunction("mj_step2", _signature)
 
 
 @njit(cache=True, nogil=True)
-def advance(  # noqa: PLR0913 - flat arrays are what compiled code takes
+def advance(
     model: int,
     data: int,
     step: float,
@@ -51,10 +52,10 @@ def advance(  # noqa: PLR0913 - flat arrays are what compiled code takes
     slides: tuple[int, int, int, int],
     spring: tuple[FloatArray, float, FloatArray],
     shapes: tuple[NDArray[np.int64], FloatArray, FloatArray, FloatArray, FloatArray],
-    liner: tuple[
+    foam_liner: tuple[
         FloatArray, FloatArray, float, FloatArray, FloatArray, FloatArray, FloatArray
     ],
-    stops: tuple[NDArray[np.int64], FloatArray],
+    joint_stops: tuple[NDArray[np.int64], FloatArray],
     samples: tuple[FloatArray, ...],
 ) -> int:
     """Step from sample ``first`` up to ``last``; each row is the state before its step.
@@ -70,9 +71,9 @@ def advance(  # noqa: PLR0913 - flat arrays are what compiled code takes
             which has none), and the bodies of helmet and head.
         spring: law table, energy loss, state; see :mod:`helmet_sim_ros.model.coupling`.
         shapes: body, centre, semi-axes, law, stick; see :mod:`helmet_sim_ros.model.contact`.
-        liner: geometry, foam, friction, largest strains and stick of the foam columns (no rows
+        foam_liner: geometry, foam, friction, largest strains and stick of the foam columns (no rows
             for a spring helmet); friction, stiffness, radius and stick of the head in it. See :mod:`helmet_sim_ros.model.liner`.
-        stops: joint addresses and laws; see :mod:`helmet_sim_ros.model.stops`.
+        joint_stops: joint addresses and laws; see :mod:`helmet_sim_ros.model.stops`.
         samples: rows of qpos, qvel, sensordata, the spring's force on the shell (3) and the
             ground's two wrenches (2, 6) to write.
 
@@ -85,7 +86,7 @@ def advance(  # noqa: PLR0913 - flat arrays are what compiled code takes
     law, energy_loss, spring_state = spring
     body, center, semi_axes, contact_law, stick = shapes
     q_rows, v_rows, sensor_rows, spring_rows, wrench_rows = samples
-    columns, foam, friction, largest, shear, padding, slip = liner
+    columns, foam_rows, friction, largest, shear, padding, slip = foam_liner
     q0, v0, helmet, head = slides
     scratch_force, scratch_wrench = np.zeros(3), np.zeros((2, 6))
     for i in range(first, last):
@@ -97,7 +98,7 @@ def advance(  # noqa: PLR0913 - flat arrays are what compiled code takes
             if q0 >= 0:
                 spring_force(qpos[q0 : q0 + 3], law, energy_loss, spring_state, force)
                 generalised[v0 : v0 + 3] = force
-            stop_torques(stops[0], stops[1], qpos, qvel, generalised)
+            stop_torques(joint_stops[0], joint_stops[1], qpos, qvel, generalised)
             cartesian[:] = 0.0
             ground_contact(
                 helmet, body, center, semi_axes, contact_law, stick, step,
@@ -105,7 +106,7 @@ def advance(  # noqa: PLR0913 - flat arrays are what compiled code takes
             )  # fmt: skip
             if q0 < 0:
                 crush(
-                    columns, foam, friction, step, largest, shear, xpos[helmet], xmat[helmet],
+                    columns, foam_rows, friction, step, largest, shear, xpos[helmet], xmat[helmet],
                     cvel[helmet], center_of_mass, xipos[helmet], cartesian[helmet], wrench[0],
                 )  # fmt: skip
                 head_friction(
@@ -121,3 +122,18 @@ def advance(  # noqa: PLR0913 - flat arrays are what compiled code takes
             if not abs(qacc.sum()) < 1e12:  # also true for NaN
                 return i
     return last
+
+
+def _forget_stale_code() -> None:
+    """Drop cached machine code older than any of the functions it was built from.
+
+    Numba compares the cache with this file only, not with the files of the functions it calls.
+    """
+    cache = Path(advance.stats.cache_path)
+    changed = max(Path(module.__file__).stat().st_mtime for module in (contact, coupling, foam, liner, stops))
+    for file in cache.glob(f"{Path(__file__).stem}.advance-*"):
+        if file.stat().st_mtime < changed:
+            file.unlink(missing_ok=True)
+
+
+_forget_stale_code()

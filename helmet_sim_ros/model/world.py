@@ -19,6 +19,7 @@ from helmet_sim_ros.model.liner import Columns, columns, no_columns
 from helmet_sim_ros.model.setup import ImpactSetup, Rider
 
 MAX_STEP = 5e-5  # s, largest integration step: peaks within 1 % (test_model_impact)
+MIN_STEP = 2e-6  # s; a shell so light or stiff that it needs less may diverge, and says so
 STABLE_SHARE = 0.9
 BODY_MARGIN = 1.3  # energy the body feeds into the spring, over that of head and helmet
 HELMET_COLOR = (0.20, 0.36, 0.62, 0.9)
@@ -127,7 +128,7 @@ def substeps(setup: ImpactSetup) -> int:
             damping = 0.5 * shell.contact_damping * force / (shell.effective_mass * frequency)
             limit = 2.0 / frequency * (math.hypot(1.0, damping) - damping)
             step = min(step, STABLE_SHARE * limit)
-    return math.ceil(setup.time_step / step - 1e-9)
+    return math.ceil(setup.time_step / max(step, MIN_STEP) - 1e-9)
 
 
 def head_to_world(setup: ImpactSetup) -> FloatArray:
