@@ -6,6 +6,7 @@ import json
 import os
 import tempfile
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -122,6 +123,8 @@ def report(result: dict[str, Any], console: Console, all_criteria: bool, seconds
             if row["status"] == "evaluated":
                 console.print(criteria_table(row))
     for row in rows:
+        for message in failures(row):
+            console.print(f"{row['name']}: {message}", style="yellow", markup=False, soft_wrap=True)
         if row["status"] != "evaluated":
             text = f"{row['name']}: {row['status']}: {row['error']}"
             console.print(text, style="red", markup=False, soft_wrap=True)
@@ -132,6 +135,13 @@ def report(result: dict[str, Any], console: Console, all_criteria: bool, seconds
         console.print(f"log: {os.path.relpath(path)}", soft_wrap=True)
     evaluated = sum(row["status"] == "evaluated" for row in rows)
     console.print(f"{evaluated} of {len(rows)} impacts evaluated in {seconds:.1f} s")
+
+
+def failures(row: Mapping[str, Any]) -> list[str]:
+    """What failed in a case and by how much, in plain language."""
+    evaluation = row["evaluation"] or {"criteria": {}, "messages": []}
+    failed = sum(entry["verdict"] == "fail" for entry in evaluation["criteria"].values())
+    return list(evaluation["messages"][:failed])  # failures stand first
 
 
 def check_writable(folder: Path) -> None:

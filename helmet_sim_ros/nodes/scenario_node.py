@@ -31,7 +31,7 @@ from std_srvs.srv import Trigger
 from helmet_sim_ros.errors import HelmetSimError, NodeError
 from helmet_sim_ros.model.setup import ImpactSetup
 from helmet_sim_ros.nodes.diagnostics import to_evaluation
-from helmet_sim_ros.nodes.parameters import Parameters, renamed, without_prefix
+from helmet_sim_ros.nodes.parameters import NODE_OPTIONS, Parameters, renamed, without_prefix
 from helmet_sim_ros.nodes.process import answering, run_node, wait
 from helmet_sim_ros.nodes.qos import CRITERIA, LATCHED
 from helmet_sim_ros.schema import Config, leaves, quantity
@@ -71,7 +71,7 @@ class ScenarioNode(Node):
     """Serves ``~/run`` and ``~/cancel`` and tells ``~/progress``."""
 
     def __init__(self) -> None:
-        super().__init__("scenario", automatically_declare_parameters_from_overrides=True)
+        super().__init__("scenario", **NODE_OPTIONS)
         self._running = self._cancelled = False
         self._options = Parameters(
             self, renamed(leaves(ScenarioOptions), PREFIX), _options, refuse=self._busy_reason
@@ -171,6 +171,7 @@ class ScenarioNode(Node):
         try:
             if self._cancelled:
                 raise NodeError("cancelled before it began")
+            self._status["recorder"].pop("level", None)  # an error of an earlier case
             await self._set(self._configure, parameter_values(case.setup))
             answer = await self._ask(self._impact, self._options.value.timeout)
             impact_id = row["impact_id"] = json.loads(answer.message)["impact_id"]
