@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 @click.option("--helmet", default="fullface", show_default=True,
               help="Base helmet: without TABLE its foam liner is dropped in simulation; shell, "
               "mass and liner are kept.")  # fmt: skip
+@click.option("--speed", "speeds", type=float, multiple=True, metavar="M/S",
+              help="Speed of the simulated drops, repeatable.  [default: 2.5, 5, 7.5, 10]")
 @click.option("--output", type=click.Path(path_type=Path),
               help="Write the helmet with the identified spring to this YAML file.")  # fmt: skip
 @click.option("--plot", type=click.Path(path_type=Path),
@@ -26,7 +28,12 @@ if TYPE_CHECKING:
 @click.option("--peaks", type=click.Path(path_type=Path),
               help="Write the drop tests' peaks to this CSV file.")  # fmt: skip
 def command(
-    table: Path | None, helmet: str, output: Path | None, plot: Path | None, peaks: Path | None
+    table: Path | None,
+    helmet: str,
+    speeds: tuple[float, ...],
+    output: Path | None,
+    plot: Path | None,
+    peaks: Path | None,
 ) -> None:
     """Identify F = A (exp(B d) - 1) per side from the drop tests in TABLE, a CSV file.
 
@@ -42,9 +49,9 @@ def command(
     console = Console(highlight=False)
     base = load_helmet(helmet)
     if table is None:
-        drops = simulated_drops(helmet=helmet, overrides={"helmet.coupling": "foam"})
+        drops = simulated_drops(speeds, helmet=helmet, overrides={"helmet.coupling": "foam"})
         tests, loops = [d.test for d in drops], [d.loop for d in drops]
-        origin = f"16 simulated drops of the foam liner of {helmet}"
+        origin = f"{len(tests)} simulated drops of its foam liner"
     else:
         tests, loops = read_drop_table(table), []
         origin = f"{len(tests)} drop tests in {table.name}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -82,21 +83,31 @@ class SimulatedDrop:
     loop: tuple[str, float, FloatArray, FloatArray]
 
 
-def simulated_drops(**common: Any) -> list[SimulatedDrop]:
+def simulated_drops(speeds: Sequence[float] = (), **common: Any) -> list[SimulatedDrop]:
     """Simulate the scenario ``drop_tests``.
 
     Args:
+        speeds: other impact speeds than the scenario's [m/s].
         **common: see :func:`helmet_sim_ros.study.scenario.load_scenario`.
     """
-    drops = []
-    for setup in load_scenario("drop_tests", **common).setups:
-        record = simulate(setup)
-        test = measure(record, setup)
-        compression, force = approach(record), record.ground_force[:, 2]
-        end = int(np.flatnonzero(force > 0.0)[-1]) + 2  # up to the loss of contact
-        loop = (test.direction, test.normal_velocity, compression[:end], force[:end])
-        drops.append(SimulatedDrop(setup, test, loop))
-    return drops
+    setups = list(load_scenario("drop_tests", **common).setups)
+    if speeds:
+        by_direction = {setup.direction: setup for setup in setups}
+        setups = [
+            s.replaced({"normal_velocity": float(v)})
+            for s in by_direction.values() for v in sorted(speeds)
+        ]  # fmt: skip
+    return [_simulated(setup) for setup in setups]
+
+
+def _simulated(setup: ImpactSetup) -> SimulatedDrop:
+    record = simulate(setup)
+    test = measure(record, setup)
+    compression, force = approach(record), record.ground_force[:, 2]
+    end = int(np.flatnonzero(force > 0.0)[-1]) + 2  # up to the loss of contact
+    return SimulatedDrop(
+        setup, test, (test.direction, test.normal_velocity, compression[:end], force[:end])
+    )
 
 
 def drop_test(setup: ImpactSetup) -> DropTest:
