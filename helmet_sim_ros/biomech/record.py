@@ -122,6 +122,19 @@ def block_labels(joint_names: tuple[str, ...]) -> list[str]:
     return labels
 
 
+#: Joints that slide; all others turn.
+SLIDING_JOINTS = frozenset({"neck_axial"})
+
+
+def block_units(joint_names: tuple[str, ...]) -> list[str]:
+    """The unit of each column of :func:`to_block`."""
+    units = ["s"]
+    for components, unit in CHANNELS.values():
+        units += [unit] * len(components)
+    angles = ["m" if joint in SLIDING_JOINTS else "rad" for joint in joint_names]
+    return units + angles + [f"{unit}/s" for unit in angles]
+
+
 def to_block(record: ImpactRecord) -> FloatArray:
     """All samples as one array, shape (n, len(block_labels)), exact."""
     columns = [record.time[:, None]]

@@ -1,143 +1,235 @@
-"""Read the impacts of a log back, exactly and without ROS."""
+"""Read the impacts of a log back, exactly, without ROS, and only what is asked for."""
 
 from __future__ import annotations
 
+import hashlib
 import json
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from mcap.exceptions import McapError
-from mcap.reader import make_reader
-from mcap.records import Channel, Schema
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-
+from helmet_sim_ros.biomech.evaluation import evaluate
 from helmet_sim_ros.biomech.record import ImpactRecord
-from helmet_sim_ros.errors import IncompleteError, LogError
-from helmet_sim_ros.mcap_log.blocks import Assembled, Assembler, Block, parse_block
+from helmet_sim_ros.biomech.result import Evaluation
+from helmet_sim_ros.errors import LogError
+from helmet_sim_ros.mcap_log.index import Entry, ImpactIndex, clock_warnings
+from helmet_sim_ros.mcap_log.layout import FORMAT_VERSION, IMPACT, RUN
+from helmet_sim_ros.mcap_log.source import McapSource
 
-SAMPLES_TOPIC = "/impact/samples"
-SAMPLES_TYPE = "std_msgs/msg/Float64MultiArray"
+if TYPE_CHECKING:
+    import pandas as pd
 
-#: What a broken or foreign file makes the MCAP library raise.
-BROKEN = (McapError, OSError, ValueError, KeyError, IndexError, EOFError)
+#: Impacts whose samples a log keeps in memory.
+_KEPT = 2
 
 
-@dataclass(frozen=True)
 class LoggedImpact:
-    """One complete impact of a log: its id, the simulation time of its start [s], its samples."""
+    """A complete impact of a log; samples and criteria are read when they are used.
 
-    impact_id: str
-    start_time: float
-    record: ImpactRecord
+    Attributes:
+        impact_id: unique over all impacts of all processes.
+        start_time: simulation time of its first sample [s].
+        samples: number of samples.
+    """
+
+    def __init__(self, log: ImpactLog, entry: Entry) -> None:
+        self._log, self._entry = log, entry
+        self.impact_id = entry.impact_id
+        self.start_time = entry.start_time
+        self.samples = entry.samples
+
+    def __repr__(self) -> str:
+        return f"<impact {self.impact_id} of {self._log.path.name}>"
+
+    @property
+    def record(self) -> ImpactRecord:
+        """Every sample, bit for bit.
+
+        Raises:
+            LogError: the samples are damaged.
+        """
+        return self._log._content(self._entry)[0]
+
+    @cached_property
+    def setup(self) -> Mapping[str, Any]:
+        """The complete impact setup by dotted names."""
+        text = self._entry.notes.get("setup")
+        return self.record.setup if text is None else _parsed_setup(text, self._log.path)
+
+    @cached_property
+    def model(self) -> str | None:
+        """The compiled model as MJCF text, None where the log has none."""
+        name = self._entry.notes.get("model")
+        return self._log._content(self._entry)[1] if name is None else self._log.attachment(name)
+
+    @cached_property
+    def model_hash(self) -> str:
+        """SHA-256 of :attr:`model`, its first 12 digits; empty where the log has none."""
+        return "" if self.model is None else hashlib.sha256(self.model.encode()).hexdigest()[:12]
+
+    @property
+    def model_problem(self) -> str:
+        """Why the logged model is not the one that its name says; empty if it is."""
+        name = self._entry.notes.get("model", "")
+        if not name or name == f"model_{self.model_hash}.xml":
+            return ""
+        return f"the model {name} was changed: its hash is now {self.model_hash}"
+
+    @cached_property
+    def logged(self) -> Evaluation | None:
+        """The criteria as they were logged; None if the log has none for this impact.
+
+        Raises:
+            LogError: what was logged is no result, in words.
+        """
+        return self._log._index.logged(self._entry)
+
+    @cached_property
+    def evaluation(self) -> Evaluation:
+        """The criteria: as logged, or computed from the samples where none were logged."""
+        return self.evaluate() if self.logged is None else self.logged
+
+    def evaluate(self, standard: str | None = None) -> Evaluation:
+        """The criteria computed from the logged samples.
+
+        Args:
+            standard: as for :func:`helmet_sim_ros.evaluate`.
+        """
+        return evaluate(self.record, standard)
+
+    def frame(self) -> pd.DataFrame:
+        """The samples as a pandas table, one column per component, the index is time [s]."""
+        from helmet_sim_ros.mcap_log.frames import sample_frame
+
+        return sample_frame(self.record)
 
 
-@dataclass(frozen=True)
 class ImpactLog:
-    """A finished impact log.
+    """A finished log. Opening it reads its index only.
 
     Attributes:
         path: the file.
-        impacts: every complete impact, in order.
+        impacts: every complete impact, in the order of the file.
         problems: for every impact that is not complete, why.
-        metadata: name -> values of each metadata record (``run``, ``impact/ID``).
-        attachments: name -> text (``scenario.yaml``, models).
+        warnings: what a reader should know about the whole log.
     """
 
-    path: Path
-    impacts: tuple[LoggedImpact, ...]
-    problems: tuple[str, ...]
-    metadata: dict[str, dict[str, str]]
-    attachments: dict[str, str]
+    def __init__(self, path: str | Path) -> None:
+        """Open a log; see :func:`open_log`."""
+        self.path = Path(path)
+        self._source = McapSource(self.path)
+        self._indexed = {index.name: index for index in self._source.metadata_index}
+        self._refuse_newer()
+        self._index = ImpactIndex(self._source)
+        entries = self._index.entries
+        self.impacts = tuple(LoggedImpact(self, e) for e in entries if not e.problem)
+        self.problems = tuple(e.problem for e in entries if e.problem)
+        self.warnings = tuple(clock_warnings(entries))
+        self._content = lru_cache(_KEPT)(self._index.read)
+
+    def __repr__(self) -> str:
+        return f"<log {self.path}: {len(self.impacts)} impacts>"
+
+    def __len__(self) -> int:
+        return len(self.impacts)
+
+    def __iter__(self) -> Iterator[LoggedImpact]:
+        return iter(self.impacts)
+
+    def __getitem__(self, key: int | str) -> LoggedImpact:
+        """An impact by its position or its id.
+
+        Raises:
+            KeyError: no such id.
+            IndexError: no such position.
+        """
+        if isinstance(key, int):
+            return self.impacts[key]
+        for impact in self.impacts:
+            if impact.impact_id == key:
+                return impact
+        raise KeyError(key)
+
+    @cached_property
+    def metadata(self) -> dict[str, dict[str, str]]:
+        """Name -> values of each metadata record (``run``, ``impact/ID``)."""
+        return {name: self._source.metadata(index) for name, index in self._indexed.items()}
+
+    @cached_property
+    def run(self) -> dict[str, str]:
+        """When, where and with which versions the log was made; empty for a bag."""
+        return self._source.metadata(self._indexed[RUN]) if RUN in self._indexed else {}
+
+    @property
+    def library(self) -> str:
+        """What wrote the file."""
+        return self._source.library
+
+    @property
+    def attachments(self) -> dict[str, str]:
+        """Name -> text of each attachment (``scenario.yaml``, models)."""
+        return {name: self.attachment(name) for name in self._source.attachment_names}
+
+    def attachment(self, name: str) -> str:
+        """The text of one attachment.
+
+        Raises:
+            LogError: there is none of this name.
+        """
+        return self._source.attachment(name)
 
     def setup(self, impact_id: str) -> dict[str, Any]:
-        """The setup of an impact, as recorded in the metadata.
+        """The setup of an impact, complete or not, as recorded in the metadata.
 
         Raises:
             LogError: the log has no such impact.
         """
-        try:
-            values = json.loads(self.metadata[f"impact/{impact_id}"]["setup"])
-        except (KeyError, ValueError):
-            raise LogError(f"{self.path}: no setup of an impact {impact_id!r}") from None
-        return dict(values)
+        notes = self._indexed.get(IMPACT + impact_id)
+        text = "" if notes is None else self._source.metadata(notes).get("setup", "")
+        if not text:
+            raise LogError(f"{self.path}: no setup of an impact {impact_id!r}")
+        return _parsed_setup(text, self.path)
+
+    def frame(self) -> pd.DataFrame:
+        """The results as a pandas table: one row per impact, setup and criteria as columns."""
+        from helmet_sim_ros.mcap_log.frames import result_frame
+
+        return result_frame(self)
+
+    def _refuse_newer(self) -> None:
+        version = self.run.get("format", "1")
+        if not version.isdecimal() or int(version) > FORMAT_VERSION:
+            raise LogError(
+                f"{self.path}: log format {version}; this program reads up to {FORMAT_VERSION}, "
+                "a later one is needed"
+            )
 
 
 def open_log(path: str | Path) -> ImpactLog:
-    """Read a log with everything in it.
+    """Open a log of the recorder, or a bag in MCAP form that holds ``impact/samples``.
 
     Raises:
-        LogError: no such file, not an MCAP file, unfinished, or without samples of impacts.
+        LogError: no such file, not an MCAP file, unfinished, of a later format, with mixed clocks,
+            or without samples of impacts.
     """
-    path = Path(path)
-    ended = list(_assembled(path))
-    try:
-        with open(path, "rb") as stream:
-            reader = make_reader(stream)
-            metadata = {m.name: dict(m.metadata) for m in reader.iter_metadata()}
-            attachments = {
-                a.name: a.data.decode("utf-8", "replace") for a in reader.iter_attachments()
-            }
-    except BROKEN as error:
-        raise _unreadable(path, error) from error
-    impacts = tuple(
-        LoggedImpact(e.impact_id, e.start_time, e.record) for e in ended if e.record is not None
-    )
-    problems = tuple(e.problem for e in ended if e.record is None)
-    return ImpactLog(path, impacts, problems, metadata, attachments)
+    return ImpactLog(path)
 
 
 def read_impacts(path: str | Path) -> Iterator[LoggedImpact]:
-    """Every complete impact of a log, one at a time, in order.
+    """Every complete impact of a log, in order.
 
     Raises:
         LogError: as :func:`open_log`.
     """
-    for ended in _assembled(Path(path)):
-        if ended.record is not None:
-            yield LoggedImpact(ended.impact_id, ended.start_time, ended.record)
+    return iter(open_log(path))
 
 
-def _assembled(path: Path) -> Iterator[Assembled]:
-    assembler = Assembler()
-    for block in _blocks(path):
-        yield from assembler.feed(block)
-    yield from assembler.abandon("the log ends")
-
-
-def _blocks(path: Path) -> Iterator[Block]:
-    store = get_typestore(Stores.EMPTY)
-    known = False
+def _parsed_setup(text: str, path: Path) -> dict[str, Any]:
     try:
-        with open(path, "rb") as stream:
-            reader = make_reader(stream)
-            summary = reader.get_summary()
-            if summary is None:
-                raise LogError(f"{path}: the log was never finished")
-            topics = [c.topic for c in summary.channels.values() if _holds_samples(c, summary)]
-            if not topics:
-                raise LogError(f"{path}: no samples of impacts in this file")
-            for schema, _, message in reader.iter_messages(topics, log_time_order=False):
-                if not known and schema is not None:
-                    store.register(get_types_from_msg(schema.data.decode(), schema.name))
-                    known = True
-                decoded: Any = store.deserialize_cdr(message.data, SAMPLES_TYPE)
-                header, labels = (dimension.label for dimension in decoded.layout.dim)
-                yield parse_block(header, labels, decoded.data)
-    except IncompleteError as error:
-        raise LogError(f"{path}: {SAMPLES_TOPIC}: {error}") from error
-    except BROKEN as error:
-        raise _unreadable(path, error) from error
-
-
-def _holds_samples(channel: Channel, summary: Any) -> bool:
-    schema: Schema | None = summary.schemas.get(channel.schema_id)
-    return (
-        channel.topic.endswith(SAMPLES_TOPIC) and schema is not None and schema.name == SAMPLES_TYPE
-    )
-
-
-def _unreadable(path: Path, error: Exception) -> LogError:
-    reason = error.strerror if isinstance(error, OSError) and error.strerror else repr(error)
-    return LogError(f"{path}: cannot be read: {reason}")
+        setup = json.loads(text)
+        if isinstance(setup, dict):
+            return setup
+    except ValueError:
+        pass
+    raise LogError(f"{path}: damaged: a setup that is no JSON object")

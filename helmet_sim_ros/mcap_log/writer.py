@@ -79,7 +79,8 @@ class LogWriter:
             raise self._failed(error) from error
 
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
-        """Append a named metadata record."""
+        """Append a named metadata record; all messages so far stand before it in the file."""
+        self.flush()
         self._guarded(self._writer.add_metadata, name, dict(values))
 
     def attach(self, name: str, media_type: str, text: str, time_ns: int) -> None:

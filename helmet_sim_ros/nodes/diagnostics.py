@@ -3,24 +3,17 @@
 from __future__ import annotations
 
 import json
-from dataclasses import fields
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from helmet_sim_ros.biomech.result import Criterion, Evaluation
-from helmet_sim_ros.errors import NodeError
+from helmet_sim_ros.errors import LogError, NodeError
+from helmet_sim_ros.mcap_log.criteria import NOT_EVALUATED, WHOLE, evaluation_of
 from helmet_sim_ros.nodes.conversion import stamp
 
-#: Name of the only status of an impact that could not be evaluated.
-NOT_EVALUATED = "not_evaluated"
 #: From this share of its limit on, a criterion that passes is a warning.
 CLOSE = 0.9
-
-_WHOLE = "evaluation."
-#: Values that are plain text; all others are JSON.
-_TEXTS = {f.name for f in fields(Criterion) if f.type in ("str", "Verdict")}
-_TEXTS |= {_WHOLE + f.name for f in fields(Evaluation) if f.type == "str"} | {_WHOLE + "verdict"}
 
 
 def from_evaluation(evaluation: Evaluation, impact_id: str, time_ns: int) -> DiagnosticArray:
@@ -37,7 +30,7 @@ def from_evaluation(evaluation: Evaluation, impact_id: str, time_ns: int) -> Dia
         values["t1"], values["t2"] = values.pop("window") or (None, None)
         del values["name"]
         if not statuses:
-            values |= {_WHOLE + key: value for key, value in whole.items()}
+            values |= {WHOLE + key: value for key, value in whole.items()}
         statuses.append(
             DiagnosticStatus(
                 level=_level(criterion),
@@ -64,26 +57,10 @@ def to_evaluation(array: Any) -> tuple[str, Evaluation]:
     Raises:
         NodeError: the impact could not be evaluated (the reason), or not such a message.
     """
-    if not array.status:
-        raise NodeError("no criteria in this message")
-    first = array.status[0]
-    if first.name == NOT_EVALUATED:
-        raise NodeError(first.message)
     try:
-        data: dict[str, Any] = {"criteria": {}}
-        for status in array.status:
-            values = {pair.key: _parsed(pair.key, pair.value) for pair in status.values}
-            data |= {
-                key.removeprefix(_WHOLE): values.pop(key)
-                for key in list(values)
-                if key.startswith(_WHOLE)
-            }
-            t1, t2 = values.pop("t1", None), values.pop("t2", None)
-            window = None if t1 is None else [t1, t2]
-            data["criteria"][status.name] = values | {"name": status.name, "window": window}
-        return first.hardware_id, Evaluation.from_dict(data)
-    except ValueError as error:
-        raise NodeError(f"not criteria of an impact: {error}") from error
+        return evaluation_of(array)
+    except LogError as error:
+        raise NodeError(str(error)) from error
 
 
 def _level(criterion: Criterion) -> bytes:
@@ -111,10 +88,6 @@ def _key_values(values: dict[str, Any]) -> list[KeyValue]:
         for key, value in values.items()
         if value not in (None, "")
     ]
-
-
-def _parsed(key: str, value: str) -> Any:
-    return value if key in _TEXTS else json.loads(value)
 
 
 def _array(statuses: list[DiagnosticStatus], time_ns: int) -> DiagnosticArray:

@@ -16,6 +16,7 @@ from rosgraph_msgs.msg import Clock
 
 from helmet_sim_ros.biomech.record import ImpactRecord, from_block
 from helmet_sim_ros.mcap_log.blocks import Assembled, Block
+from helmet_sim_ros.mcap_log.layout import FORMAT_VERSION, IMPACT, RUN
 from helmet_sim_ros.mcap_log.writer import LogWriter
 from helmet_sim_ros.model.setup import setup_from_names
 from helmet_sim_ros.nodes import samples
@@ -64,7 +65,7 @@ class LogSession:
             (CRITERIA_TOPIC, "diagnostic_msgs/msg/DiagnosticArray", CRITERIA),
         ):
             self._writer.add_channel(resolve(topic), kind, as_yaml(qos))
-        self._writer.add_metadata("run", run_metadata(config))
+        self._writer.add_metadata(RUN, run_metadata(config))
         if config.scenario_text:
             self._writer.attach("scenario.yaml", "application/yaml", config.scenario_text, 0)
 
@@ -110,7 +111,7 @@ class LogSession:
             values["setup"] = json.dumps(first.setup)
             if first.model is not None:
                 values["model"] = self._attach_model(first.model)
-        self._writer.add_metadata(f"impact/{impact.impact_id}", values)
+        self._writer.add_metadata(IMPACT + impact.impact_id, values)
         self._writer.flush()
         self.impacts += impact.record is not None
 
@@ -142,6 +143,7 @@ class LogSession:
 def run_metadata(config: RecorderConfig) -> dict[str, str]:
     """When and with what this log was made; the only wall-clock time in it."""
     values = {
+        "format": str(FORMAT_VERSION),
         "started": datetime.now(UTC).isoformat(),
         "scenario": config.scenario_name,
         "python": platform.python_version(),

@@ -1,0 +1,199 @@
+"""Random access to the messages, metadata and attachments of an MCAP file, without ROS."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, NamedTuple
+
+from mcap.opcode import Opcode
+from mcap.reader import SeekingReader
+from mcap.records import Attachment, Channel, Metadata, MetadataIndex, Schema
+from mcap.stream_reader import StreamReader
+from mcap.summary import Summary
+
+from helmet_sim_ros.errors import LogError
+from helmet_sim_ros.mcap_log.records import (
+    BROKEN,
+    MAGIC,
+    MESSAGE,
+    RECORD,
+    RECORD_LIMIT,
+    check_magic,
+    read_chunk,
+    records_of,
+    scan,
+    unreadable,
+    walk,
+)
+
+#: Later times [ns] are wall-clock times: simulation time starts at 0, 10^17 ns is in 1973.
+WALL_CLOCK = 10**17
+
+
+class RawMessage(NamedTuple):
+    """A message as it stands in the file.
+
+    Attributes:
+        position: offset in the file of the chunk, or of the record, that holds it.
+        channel: id of its channel.
+        log_time: [ns].
+        data: serialised message.
+    """
+
+    position: int
+    channel: int
+    log_time: int
+    data: bytes
+
+
+class McapSource:
+    """A finished MCAP file. Nothing but its index is read until it is asked for.
+
+    Attributes:
+        path: the file.
+        profile: ``ros2`` for a log that follows the ROS 2 conventions.
+        library: what wrote the file.
+        channels: by id.
+        schemas: by id.
+        metadata_index: name and offset of each metadata record, in the order of the file.
+        attachment_names: in the order of the file.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Read the index.
+
+        Raises:
+            LogError: no such file, not an MCAP file, of another version, unfinished or damaged.
+        """
+        self.path = path
+        with self._stream() as stream:
+            _check_ends(stream, path)
+            stream.seek(0)
+            reader = SeekingReader(stream, record_size_limit=RECORD_LIMIT)
+            header = reader.get_header()
+            summary = reader.get_summary() or scan(stream)
+        self.profile, self.library = header.profile, header.library
+        self.channels: dict[int, Channel] = summary.channels
+        self.schemas: dict[int, Schema] = summary.schemas
+        self._chunks = sorted(summary.chunk_indexes, key=lambda chunk: chunk.chunk_start_offset)
+        self.metadata_index: list[MetadataIndex] = sorted(
+            summary.metadata_indexes, key=lambda index: index.offset
+        )
+        self._attachments = sorted(summary.attachment_indexes, key=lambda index: index.offset)
+        self.attachment_names = [index.name for index in self._attachments]
+        self._refuse_mixed_clocks(summary)
+
+    def metadata(self, index: MetadataIndex) -> dict[str, str]:
+        """The values of one metadata record."""
+        record = self._record(index.offset)
+        if not isinstance(record, Metadata):
+            raise LogError(f"{self.path}: damaged: no metadata record where the index has one")
+        return dict(record.metadata)
+
+    def attachment(self, name: str) -> str:
+        """The text of an attachment.
+
+        Raises:
+            LogError: there is none of this name.
+        """
+        for index in self._attachments:
+            if index.name == name:
+                record = self._record(index.offset)
+                if isinstance(record, Attachment):
+                    return record.data.decode("utf-8", "replace")
+        raise LogError(f"{self.path}: no attachment {name!r}")
+
+    def messages(
+        self, channels: Collection[int], begin: int = 0, end: int | None = None
+    ) -> Iterator[RawMessage]:
+        """The messages of some channels in the order of the file.
+
+        Args:
+            channels: their ids.
+            begin: first offset in the file.
+            end: offset in the file to stop before; None: read on to its end.
+
+        Raises:
+            LogError: what is read is damaged.
+        """
+        wanted = frozenset(channels)
+        with self._stream() as stream:
+            if not self._chunks:
+                yield from _loose_messages(stream, wanted, begin, end)
+            for chunk in self._chunks:
+                position = chunk.chunk_start_offset
+                indexed = chunk.message_index_offsets
+                if position < begin or (indexed and wanted.isdisjoint(indexed)):
+                    continue
+                if end is not None and position >= end:
+                    break
+                for channel, time, data in _chunk_messages(stream, position, wanted):
+                    yield RawMessage(position, channel, time, data)
+
+    @contextmanager
+    def _stream(self) -> Iterator[IO[bytes]]:
+        try:
+            with open(self.path, "rb") as stream:
+                yield stream
+        except LogError:
+            raise
+        except BROKEN as error:
+            raise unreadable(self.path, error) from error
+
+    def _record(self, offset: int) -> object:
+        with self._stream() as stream:
+            stream.seek(offset)
+            records = StreamReader(stream, skip_magic=True, record_size_limit=RECORD_LIMIT).records
+            return next(records)
+
+    def _refuse_mixed_clocks(self, summary: Summary) -> None:
+        first = [chunk.message_start_time for chunk in self._chunks]
+        last = [chunk.message_end_time for chunk in self._chunks]
+        if summary.statistics is not None and summary.statistics.message_count:
+            first.append(summary.statistics.message_start_time)
+            last.append(summary.statistics.message_end_time)
+        if first and min(first) < WALL_CLOCK <= max(last):
+            raise LogError(
+                f"{self.path}: mixed clocks: some messages are stamped in simulation time "
+                f"({min(first) * 1e-9:g} s), others with the time of day"
+            )
+
+
+def _check_ends(stream: IO[bytes], path: Path) -> None:
+    check_magic(stream, path)
+    stream.seek(0, 2)
+    if stream.tell() >= 2 * len(MAGIC):
+        stream.seek(-len(MAGIC), 2)
+        if stream.read() == MAGIC:
+            return
+    raise LogError(
+        f"{path}: never finished, or cut off; 'helmet-sim recover' saves its complete impacts"
+    )
+
+
+def _chunk_messages(
+    stream: IO[bytes], offset: int, wanted: frozenset[int]
+) -> Iterator[tuple[int, int, bytes]]:
+    _, data = read_chunk(stream, offset)
+    for opcode, begin, end in records_of(data):
+        if opcode == Opcode.MESSAGE:
+            channel, _, time, _ = MESSAGE.unpack_from(data, begin)
+            if channel in wanted:
+                yield channel, time, data[begin + MESSAGE.size : end]
+
+
+def _loose_messages(
+    stream: IO[bytes], wanted: frozenset[int], begin: int, end: int | None
+) -> Iterator[RawMessage]:
+    """Messages of a file without chunks."""
+    for offset, opcode, length in walk(stream):
+        if end is not None and offset >= end:
+            return
+        if opcode == Opcode.MESSAGE and offset >= begin:
+            stream.seek(offset + RECORD.size)
+            content = stream.read(length)
+            channel, _, time, _ = MESSAGE.unpack_from(content)
+            if channel in wanted:
+                yield RawMessage(offset, channel, time, content[MESSAGE.size :])
