@@ -42,7 +42,8 @@ def finite_array(name: str, values: ArrayLike, *columns: int, minimum: int = 2) 
         given = np.asarray(values)
         if given.dtype.kind == "c":
             raise TypeError
-        array = given.astype(np.float64, copy=False)
+        # one order in memory: sums of the same samples have the same bits
+        array = np.asarray(given, dtype=np.float64, order="C")
     except (TypeError, ValueError):
         raise PulseError(f"{name}: must be an array of real numbers") from None
     width = {1: 0}.get(array.ndim, array.shape[1] if array.ndim == 2 else -1)
