@@ -16,25 +16,44 @@ MANIFEST = ElementTree.parse(HERE / "package.xml").getroot()
 #: Where the pinned middleware wheels exist.
 WHEELS = "sys_platform == 'linux' and platform_machine == 'x86_64' and python_version < '3.15'"
 
+#: Sweeps and optimisation.
+STUDY = [
+    "distributed>=2024.1",
+    "matplotlib",
+    "optuna>=5",
+    "pyarrow>=15",
+    "scipy>=1.15",
+]
+
+#: Reports, figures, replays and exports of logs.
+REPORT = [
+    "imageio-ffmpeg>=0.5",
+    "jinja2",
+    "matplotlib",
+    "pandas>=2",
+    "pillow",
+    "pyarrow>=15",
+]
+
 EXTRAS = {
     # ROS 2 Jazzy from wheels. Left out beside a system ROS, so that nothing of it is shadowed.
     "ros": [
         f"ros-rclpy[fastrtps]==7.1.6; {WHEELS}",
         f"ros-jazzy-common-interfaces==5.3.6; {WHEELS}",
     ],
-    "report": ["jinja2", "matplotlib"],
+    "report": REPORT,
+    "study": STUDY,
     "test": [
+        *REPORT,
+        *STUDY,
         "colcon-common-extensions",
         "dynars>=1.1",
         "hypothesis",
         "jsonschema",
-        "jinja2",
-        "matplotlib",
         "mcap-ros2-support",
         "mypy",
         "pytest>=8",
         "pytest-timeout",
-        "rosbags",
         "ruff",
         "types-PyYAML",
         "wheel",
@@ -75,7 +94,7 @@ setup(
     maintainer_email=MANIFEST.find("maintainer").get("email"),
     python_requires=">=3.11",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
-    package_data={NAME: ["py.typed"]},
+    package_data={NAME: ["py.typed", "report/assets/*"]},
     zip_safe=False,
     install_requires=[
         "annotated-types",
@@ -88,6 +107,7 @@ setup(
         "pydantic>=2.5",
         "pyyaml>=6",
         "rich>=13",
+        "rosbags>=0.10",
         "scipy>=1.11",
     ],
     extras_require=EXTRAS,
