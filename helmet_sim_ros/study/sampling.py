@@ -20,7 +20,7 @@ MAX_SOBOL_DIMENSIONS = 21201
 
 
 class Distribution(Config):
-    """How one value is drawn: exactly one of ``uniform``, ``log_uniform``, ``normal``, ``choice``."""
+    """How one value is drawn: one of uniform, log_uniform, normal and choice."""
 
     uniform: tuple[float, float] | None = Field(None, description="lowest and highest value")
     log_uniform: tuple[float, float] | None = Field(
@@ -126,13 +126,11 @@ def unit_points(method: Method, count: int, dimensions: int, seed: int) -> NDArr
     from scipy.stats import qmc
 
     if method == "latin_hypercube":
-        points: FloatArray = qmc.LatinHypercube(dimensions, rng=seed).random(count)
-        return points
+        return np.asarray(qmc.LatinHypercube(dimensions, rng=seed).random(count))
     if count & (count - 1):
         near = 2 ** round(math.log2(count))
         raise SetupError.of("count", count, f"must be a power of 2 with sobol, for example {near}")
-    points = qmc.Sobol(dimensions, scramble=True, rng=seed).random(count)
-    return points
+    return np.asarray(qmc.Sobol(dimensions, scramble=True, rng=seed).random(count))
 
 
 def _probability(normal: tuple[float, float], low: float, high: float) -> float:
