@@ -204,7 +204,7 @@ def _problems(model: type[Config], error: ValidationError) -> Iterator[Problem]:
         elif item["type"] == "extra_forbidden":
             known = {leaf.name for leaf in leaves(model)} | set(model.model_fields)
             yield Problem(path, item["input"], f"unknown key; known: {_near(path, known)}")
-        elif item["type"] == "missing":
+        elif item["type"] == "missing" and isinstance(item["loc"][-1], str):
             yield Problem(path, None, "is required")
         elif path in by_name:
             yield Problem(path, item["input"], by_name[path].allowed)

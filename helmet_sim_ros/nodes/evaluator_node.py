@@ -17,7 +17,7 @@ from helmet_sim_ros.errors import HelmetSimError, IncompleteError, NodeError
 from helmet_sim_ros.mcap_log.blocks import Assembled, Assembler
 from helmet_sim_ros.nodes import diagnostics, samples
 from helmet_sim_ros.nodes.conversion import nanoseconds
-from helmet_sim_ros.nodes.parameters import Parameters
+from helmet_sim_ros.nodes.parameters import NODE_OPTIONS, Parameters
 from helmet_sim_ros.nodes.process import WALL, answering, run_node
 from helmet_sim_ros.nodes.qos import CRITERIA, SAMPLES_READER
 from helmet_sim_ros.schema import Config, leaves
@@ -40,7 +40,7 @@ class EvaluatorNode(Node):
     """Publishes ``evaluation/criteria`` for every impact, and why, where there are none."""
 
     def __init__(self) -> None:
-        super().__init__("evaluator", automatically_declare_parameters_from_overrides=True)
+        super().__init__("evaluator", **NODE_OPTIONS)
         self._settings = Parameters(self, leaves(EvaluatorConfig), _configuration)
         self._assembler = Assembler()
         self._last: dict[str, Any] | None = None

@@ -26,6 +26,13 @@ from helmet_sim_ros.schema import Leaf
 T = TypeVar("T")
 Values = dict[str, Any]
 
+#: How a node with :class:`Parameters` is created. rclpy then shows values of the command line
+#: before they have a type, and leaves the refusal of unknown names to us, who can name near ones.
+NODE_OPTIONS = {
+    "automatically_declare_parameters_from_overrides": True,
+    "allow_undeclared_parameters": True,
+}
+
 #: Parameters that ROS itself declares on every node.
 _OF_ROS = ("use_sim_time", "start_type_description_service", "qos_overrides")
 _UNSET_WORDS = ("", "none", "null", "unset")
@@ -34,8 +41,7 @@ _UNSET_WORDS = ("", "none", "null", "unset")
 class Parameters(Generic[T]):
     """The parameters of one node.
 
-    The node must be created with ``automatically_declare_parameters_from_overrides=True``: this is
-    how rclpy lets a node see values from its command line before it gives them a type.
+    The node must be created with :data:`NODE_OPTIONS`.
 
     Args:
         node: the node that gets the parameters.
@@ -85,12 +91,12 @@ class Parameters(Generic[T]):
                 given[name] = parameter.value
                 self._node.undeclare_parameter(name)
             elif not name.startswith(_OF_ROS):
-                near = difflib.get_close_matches(name, self._leaves, 3, 0.5)
-                raise SetupError.of(
-                    name, parameter.value,
-                    "unknown parameter; known: " + ", ".join(near or sorted(self._leaves)),
-                )  # fmt: skip
+                raise self._unknown(name, parameter.value)
         return given
+
+    def _unknown(self, name: str, value: Any) -> SetupError:
+        near = difflib.get_close_matches(name, self._leaves, 3, 0.5) or sorted(self._leaves)
+        return SetupError.of(name, value, "unknown parameter; known: " + ", ".join(near))
 
     def _declare(self, name: str) -> None:
         value = self._values[name]
@@ -109,18 +115,21 @@ class Parameters(Generic[T]):
         return others + [_parameter(name, value) for name, value in changes.items()]
 
     def _check(self, parameters: list[Parameter]) -> SetParametersResult:
+        strange = [p for p in parameters if p.name not in self._leaves]
+        strange = [p for p in strange if not p.name.startswith(_OF_ROS)]
         changes = {p.name: _plain(p.value) for p in parameters if p.name in self._leaves}
-        if not changes:
-            return SetParametersResult(successful=True)
-        reason = self._refuse()
+        reason = self._refuse() if changes else ""
         if reason:
             return SetParametersResult(successful=False, reason=reason)
         try:
+            if strange:
+                raise self._unknown(strange[0].name, strange[0].value)
             for name, value in changes.items():
                 if value is None and not self._leaves[name].optional:
                     raise SetupError.of(name, value, self._leaves[name].allowed)
-            values = self._values | changes
-            self._next = values, self._build(values)
+            if changes:
+                values = self._values | changes
+                self._next = values, self._build(values)
         except HelmetSimError as error:
             return SetParametersResult(successful=False, reason=str(error))
         except Exception as error:
@@ -201,7 +210,10 @@ def _plain(value: Any) -> Any:
 
 
 def _parameter(name: str, value: Any) -> Parameter:
-    return Parameter(name, value=list(value) if isinstance(value, tuple) else value)
+    try:
+        return Parameter(name, value=list(value) if isinstance(value, tuple) else value)
+    except TypeError:  # no type of ROS: refused as text, with the key and what is allowed
+        return Parameter(name, value=str(value))
 
 
 def renamed(leaves: Sequence[Leaf], prefix: str) -> list[Leaf]:

@@ -20,7 +20,7 @@ from helmet_sim_ros.mcap_log.blocks import Assembled, Assembler, Block
 from helmet_sim_ros.nodes import samples
 from helmet_sim_ros.nodes.conversion import nanoseconds
 from helmet_sim_ros.nodes.log_session import CRITERIA_TOPIC, LogSession
-from helmet_sim_ros.nodes.parameters import Parameters
+from helmet_sim_ros.nodes.parameters import NODE_OPTIONS, Parameters
 from helmet_sim_ros.nodes.process import WALL, answering, run_node, wait
 from helmet_sim_ros.nodes.qos import CRITERIA, LATCHED, SAMPLES_READER
 from helmet_sim_ros.nodes.recorder_config import RecorderConfig, check_writable, free_path
@@ -42,7 +42,7 @@ class RecorderNode(Node):
     """
 
     def __init__(self) -> None:
-        super().__init__("recorder", automatically_declare_parameters_from_overrides=True)
+        super().__init__("recorder", **NODE_OPTIONS)
         self._assembler = Assembler()
         self._session: LogSession | None = None
         self._awaiting: dict[str, Assembled] = {}  # complete, but without criteria so far

@@ -34,6 +34,7 @@ from helmet_sim_ros.nodes.diagnostics import to_evaluation
 from helmet_sim_ros.nodes.parameters import NODE_OPTIONS, Parameters, renamed, without_prefix
 from helmet_sim_ros.nodes.process import answering, run_node, wait
 from helmet_sim_ros.nodes.qos import CRITERIA, LATCHED
+from helmet_sim_ros.nodes.setup_parameters import NOT_A_PARAMETER
 from helmet_sim_ros.schema import Config, leaves, quantity
 from helmet_sim_ros.study.overrides import parse_overrides
 from helmet_sim_ros.study.scenario import Case, Scenario, load_scenario
@@ -146,6 +147,8 @@ class ScenarioNode(Node):
         if record and any(row["recorded"] for row in rows):
             try:
                 path = json.loads((await self._ask(self._finish, ANSWER_TIMEOUT)).message)["path"]
+                # What is recorded next does not belong to this scenario.
+                await self._set(self._recorder, {"scenario_name": "", "scenario_text": ""})
             except (HelmetSimError, ValueError) as problem:
                 error = f"the log was not finished: {problem}"
         self._tell(
@@ -309,6 +312,7 @@ def parameter_values(setup: ImpactSetup) -> dict[str, Any]:
     """Every parameter of the simulation node that makes up a setup, so that nothing of an earlier
     case or client stays; an optional value that is not set is ``"unset"``."""
     values = setup.described() | {"impact.neck_flexion_deg": setup.neck_flexion_deg}
+    del values[NOT_A_PARAMETER]
     return {name: "unset" if value is None else value for name, value in values.items()}
 
 

@@ -35,6 +35,11 @@ class SimulationConfig:
     live: LiveSettings
 
 
+#: Says where a helmet file's values come from. No parameter: prose does not survive
+#: ``ros2 param load``, which reads every text as YAML.
+NOT_A_PARAMETER = "helmet.description"
+
+
 def simulation_leaves() -> list[Leaf]:
     """Every parameter; those of the helmet with the values of the default helmet."""
     own = list(setup_leaves())
@@ -45,7 +50,11 @@ def simulation_leaves() -> list[Leaf]:
         "value that is not set in the same call",
     )  # fmt: skip
     preset = preset_values(default)
-    helmet = [replace(leaf, default=preset[leaf.name]) for leaf in leaves(Helmet, "helmet.")]
+    helmet = [
+        replace(leaf, default=preset[leaf.name])
+        for leaf in leaves(Helmet, "helmet.")
+        if leaf.name in preset
+    ]
     return [*own, name, *helmet, *renamed(leaves(LiveSettings), "sim.")]
 
 
@@ -55,7 +64,16 @@ def preset_values(helmet: str) -> dict[str, Any]:
     Raises:
         SetupError: unknown helmet, or a refused value in its file.
     """
-    return leaf_values(load_helmet(helmet), "helmet.")
+    if not isinstance(helmet, str):
+        raise SetupError.of("helmet.name", helmet, "must be text")
+    try:
+        values = leaf_values(load_helmet(helmet), "helmet.")
+    except SetupError as error:
+        if error.source:  # the file itself is bad
+            raise
+        raise SetupError([p._replace(key="helmet.name") for p in error.problems]) from None
+    del values[NOT_A_PARAMETER]
+    return values
 
 
 def configuration(values: Mapping[str, Any]) -> SimulationConfig:

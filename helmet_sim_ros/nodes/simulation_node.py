@@ -26,6 +26,7 @@ from helmet_sim_ros.mcap_log.blocks import Block
 from helmet_sim_ros.model.impact import Impact
 from helmet_sim_ros.nodes import samples
 from helmet_sim_ros.nodes.live_view import LiveView, SimulationClock
+from helmet_sim_ros.nodes.parameters import NODE_OPTIONS
 from helmet_sim_ros.nodes.process import WALL, answering, run_node, wait
 from helmet_sim_ros.nodes.qos import LATCHED, SAMPLES_IN_FLIGHT, SAMPLES_WRITER
 from helmet_sim_ros.nodes.run_control import RunControl
@@ -45,7 +46,7 @@ class SimulationNode(Node):
     """Serves ``~/run_impact`` and everything that is said while an impact runs."""
 
     def __init__(self) -> None:
-        super().__init__("simulation", automatically_declare_parameters_from_overrides=True)
+        super().__init__("simulation", **NODE_OPTIONS)
         self._control = RunControl(self)
         self._settings = declare(self, self._busy_reason)
         Impact(self._settings.value.setup).advance(1)  # compile now, not in the first impact
