@@ -6,16 +6,15 @@ any order) and, once the study is finished, ``results.parquet`` and ``results.cs
 
 from __future__ import annotations
 
-import fcntl
 import json
-import os
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from helmet_sim_ros.errors import SetupError, StudyError
 from helmet_sim_ros.study.extra import need
+from helmet_sim_ros.study.place import StudyFolder
 from helmet_sim_ros.study.study import Row, Study, value_leaves
 from helmet_sim_ros.study.worker import Outcome
 
@@ -23,18 +22,16 @@ from helmet_sim_ros.study.worker import Outcome
 FIXED = ("index", "id", "draw", "status", "error", "verdict")
 #: Bytes a number takes in chunk, table and CSV together, an upper bound.
 BYTES_PER_VALUE = 50
-TEMPORARY = ".part"
 
 
 class ResultStore:
     """The results folder of a study, locked while it is open.
 
     Attributes:
-        folder: where it is.
         finished: index -> status of every row that is there.
     """
 
-    def __init__(self, folder: Path, study: Study, retry_failed: bool = False) -> None:
+    def __init__(self, path: Path, study: Study, retry_failed: bool = False) -> None:
         """Open the folder, or create it.
 
         Args:
@@ -45,19 +42,14 @@ class ResultStore:
                 be written, or the disk is too small.
             StudyError: what it holds cannot be read, or the extra ``study`` is not installed.
         """
-        self.folder = folder
         self._arrow, self._parquet = need("pyarrow"), need("pyarrow.parquet")
         self._study = study
         self._schema = self._columns()
-        self._rows = folder / "rows"
+        self._rows = path / "rows"
+        note = {"study": study.name, "file": study.file.model_dump()}
+        self._folder = StudyFolder(path, study.identity, note)
         try:
-            self._rows.mkdir(parents=True, exist_ok=True)
-            self._lock = open(folder / ".lock", "w")  # noqa: SIM115 - held until close()
-        except OSError as error:
-            raise SetupError.of("output", str(folder), f"cannot be written: {error}") from None
-        try:
-            self._take(study)
-            self._check_space(study)
+            self._check_space()
             self.finished = self._read_finished(retry_failed)
         except BaseException:
             self.close()
@@ -72,7 +64,7 @@ class ResultStore:
 
     def close(self) -> None:
         """Let others write to the folder."""
-        self._lock.close()
+        self._folder.close()
 
     def append(self, rows: Sequence[tuple[Row, Outcome]]) -> None:
         """Keep finished rows; either all of them are kept or none.
@@ -83,7 +75,7 @@ class ResultStore:
         data = [self._record(row, outcome) for row, outcome in rows]
         table = self._arrow.Table.from_pylist(data, schema=self._schema)
         path = self._rows / f"{self._next:08d}.parquet"
-        self._write(path, lambda to: self._parquet.write_table(table, to))
+        self._folder.write(path, lambda to: self._parquet.write_table(table, to))
         self._next += 1
         self.finished |= {row.index: outcome.status for row, outcome in rows}
 
@@ -98,13 +90,16 @@ class ResultStore:
         """
         table = self.table()
         if len(table) != len(self._study):
-            raise StudyError(f"{self.folder}: {len(table)} of {len(self._study)} rows are there")
+            raise StudyError(
+                f"{self._folder.path}: {len(table)} of {len(self._study)} rows are there"
+            )
         csv = need("pyarrow.csv")
-        self._write(
-            self.folder / "results.parquet", lambda to: self._parquet.write_table(table, to)
+        self._folder.write(
+            self._folder.path / "results.parquet", lambda to: self._parquet.write_table(table, to)
         )
-        self._write(
-            self.folder / "results.csv", lambda to: csv.write_csv(_flat(self._arrow, table), to)
+        self._folder.write(
+            self._folder.path / "results.csv",
+            lambda to: csv.write_csv(_flat(self._arrow, table), to),
         )
         for path in self._chunks():
             path.unlink()
@@ -118,50 +113,13 @@ class ResultStore:
         latest = {index: i for i, index in enumerate(table["index"].to_pylist())}
         return table.take([latest[index] for index in sorted(latest)])
 
-    def _take(self, study: Study) -> None:
-        """Make the folder this study's."""
-        try:
-            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            raise SetupError.of(
-                "output", str(self.folder), "another process is writing results there"
-            ) from None
-        for path in self.folder.rglob(f"*{TEMPORARY}"):
-            path.unlink()
-        note = self.folder / "study.json"
-        if note.exists():
-            self._refuse_another(note, study)
-            return
-        text = json.dumps(
-            {
-                "study": study.name,
-                "identity": dict(study.identity),
-                "file": study.file.model_dump(),
-                "first case": study.row(0).values,
-            },
-            indent=1,
-        )
-        self._write(note, lambda to: to.write_text(text + "\n", encoding="utf-8"))
-
-    def _refuse_another(self, note: Path, study: Study) -> None:
-        try:
-            there = json.loads(note.read_text(encoding="utf-8"))["identity"]
-        except (OSError, ValueError, KeyError, TypeError) as error:
-            raise SetupError.of("output", str(note), f"cannot be read: {error!r}") from None
-        other = [key for key, digest in study.identity.items() if there.get(key) != digest]
-        if other:
-            raise SetupError.of(
-                "output", str(self.folder),
-                f"holds results of another study: other {', '.join(other)}; choose another place",
-            )  # fmt: skip
-
-    def _check_space(self, study: Study) -> None:
-        needed = len(study) * len(self._schema) * BYTES_PER_VALUE
-        free = shutil.disk_usage(self.folder).free
+    def _check_space(self) -> None:
+        needed = len(self._study) * len(self._schema) * BYTES_PER_VALUE
+        free = shutil.disk_usage(self._folder.path).free
         if needed > free:
             raise SetupError.of(
-                "output", str(self.folder),
-                f"{len(study)} impacts need up to {needed / 1e6:.0f} MB, "
+                "output", str(self._folder.path),
+                f"{len(self._study)} impacts need up to {needed / 1e6:.0f} MB, "
                 f"{free / 1e6:.0f} MB are free",
             )  # fmt: skip
 
@@ -178,7 +136,7 @@ class ResultStore:
         return finished
 
     def _files(self) -> list[Path]:
-        whole = self.folder / "results.parquet"
+        whole = self._folder.path / "results.parquet"
         return ([whole] if whole.exists() else []) + self._chunks()
 
     def _chunks(self) -> list[Path]:
@@ -191,21 +149,6 @@ class ResultStore:
         except (OSError, ValueError) as error:
             raise StudyError(
                 f"{path}: cannot be read ({error}); delete it, its rows are computed again"
-            ) from None
-
-    def _write(self, path: Path, write: Callable[[Path], object]) -> None:
-        """Write a file under a temporary name, and give it its own once it is on the disk."""
-        part = path.with_name(path.name + TEMPORARY)
-        try:
-            write(part)
-            with open(part, "rb") as stream:
-                os.fsync(stream.fileno())
-            os.replace(part, path)
-        except OSError as error:
-            part.unlink(missing_ok=True)
-            raise StudyError(
-                f"{path}: cannot be written: {error.strerror or error}; every row finished so far "
-                "is kept, the same command goes on from there"
             ) from None
 
     def _columns(self) -> Any:
