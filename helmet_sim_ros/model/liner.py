@@ -73,7 +73,7 @@ def columns(helmet: Helmet) -> Columns:
     stretch = np.linalg.norm(normal, axis=1)
     normal /= stretch[:, None]
     area = axes.prod() * stretch * 4.0 * np.pi / n
-    thickness, density = _zoned(liner, normal)
+    thickness, density = zoned(liner, normal)
     radius, surface = np.sqrt(area / np.pi), axes * u
     # Mean curvature of an ellipsoid at its point p, with |grad| = |p / axes^2| (do Carmo, 3-3).
     gradient = np.linalg.norm(surface / axes**2, axis=1)
@@ -88,7 +88,7 @@ def columns(helmet: Helmet) -> Columns:
     return Columns(geometry, foam, padding)
 
 
-def _zoned(liner: Liner, normal: FloatArray) -> tuple[FloatArray, FloatArray]:
+def zoned(liner: Liner, normal: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Thickness [m] and density [kg/m^3] at each normal: zones blend with its squared components."""
     thickness, density = np.zeros(len(normal)), np.zeros(len(normal))
     for axis, (negative, positive) in enumerate((("back", "front"), ("side", "side"), ("top", "top"))):
