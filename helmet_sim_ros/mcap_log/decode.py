@@ -3,20 +3,28 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import Any
+from pathlib import Path
+from typing import Any, Protocol
 
-from mcap.records import Channel
+from mcap.records import Channel, Schema
 from mcap.well_known import MessageEncoding, SchemaEncoding
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from helmet_sim_ros.errors import LogError
-from helmet_sim_ros.mcap_log.source import McapSource
+
+
+class Definitions(Protocol):
+    """The channels and schemas of a file, by id."""
+
+    path: Path
+    channels: dict[int, Channel]
+    schemas: dict[int, Schema]
 
 
 class Decoder:
-    """Decodes the messages of a source."""
+    """Decodes the messages of a file."""
 
-    def __init__(self, source: McapSource) -> None:
+    def __init__(self, source: Definitions) -> None:
         self._source = source
         self._stores: dict[int, tuple[Any, str]] = {}
 

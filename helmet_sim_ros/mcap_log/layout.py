@@ -10,6 +10,9 @@ RUN = "run"
 #: Prefix of the metadata record that follows the samples of each impact.
 IMPACT = "impact/"
 
+#: Metadata record of a log that was recovered: what was lost.
+RECOVERED = "recovered"
+
 #: Topic (in any namespace) and type of the sample blocks.
 SAMPLES_TOPIC = "/impact/samples"
 SAMPLES_TYPE = "std_msgs/msg/Float64MultiArray"
