@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from io import StringIO
 from pathlib import Path
 
 import pytest
@@ -34,9 +35,9 @@ def helmet_sim(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
 
 
 def rendered(table: object) -> str:
-    console = Console(width=100, record=True, file=open("/dev/null", "w"))
+    console = Console(width=100, file=StringIO())
     console.print(table)
-    return console.export_text()
+    return console.file.getvalue()
 
 
 def test_help_lists_every_verb_with_its_first_line(helmet_sim):

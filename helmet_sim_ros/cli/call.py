@@ -17,6 +17,7 @@ from helmet_sim_ros.model.setup import setup_from_names, setup_leaves
 from helmet_sim_ros.nodes.environment import prepare_environment
 from helmet_sim_ros.schema import Leaf
 from helmet_sim_ros.study.overrides import parse_overrides
+from helmet_sim_ros.study.scenario import flatten
 
 
 @click.group()
@@ -65,8 +66,10 @@ def impact(
     """
     given = {name: value for name, value in options.items() if value is not None}
     values = {name.replace("__", "."): value for name, value in given.items()}
-    values |= parse_overrides(overrides)
-    setup_from_names(values)  # refuse bad input before anyone is asked
+    values |= flatten(parse_overrides(overrides))
+    own = {leaf.name for leaf in setup_leaves()}
+    # Refuse bad input before anyone is asked; what of sim.* is no part of a setup the node judges.
+    setup_from_names({k: v for k, v in values.items() if not k.startswith("sim.") or k in own})
 
     prepare_environment(domain_id)
     with ros_client() as node:

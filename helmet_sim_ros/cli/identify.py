@@ -19,8 +19,14 @@ if TYPE_CHECKING:
 @click.option("--helmet", default="fullface", show_default=True,
               help="Base helmet: without TABLE its foam liner is dropped in simulation; shell, "
               "mass and liner are kept.")  # fmt: skip
-@click.option("--speed", "speeds", type=float, multiple=True, metavar="M/S",
-              help="Speed of the simulated drops, repeatable.  [default: 2.5, 5, 7.5, 10]")
+@click.option(
+    "--speed",
+    "speeds",
+    type=float,
+    multiple=True,
+    metavar="M/S",
+    help="Speed of the simulated drops, repeatable.  [default: 2.5, 5, 7.5, 10]",
+)
 @click.option("--output", type=click.Path(path_type=Path),
               help="Write the helmet with the identified spring to this YAML file.")  # fmt: skip
 @click.option("--plot", type=click.Path(path_type=Path),

@@ -63,7 +63,7 @@ def command(
 
     prepare_environment(domain_id)
     parameters: dict[str, dict[str, Any]] = {
-        "evaluator": {"standard": standard or DEFAULT_STANDARD},
+        "evaluator": {"standard": standard or ""},
         "recorder": {"output_dir": str(output.resolve())},
         "scenario": {
             "scenario.file": str(plan.path.resolve()),
@@ -97,7 +97,9 @@ def run_scenario(nodes: NodeProcesses, cases: int, console: Console) -> dict[str
 
             def follow(message: Any) -> None:
                 state = json.loads(message.data)
-                progress.update(task, completed=state["done"], description=state["case"] or "done")
+                progress.update(
+                    task, completed=state["done"], description=state["case"] or state["state"]
+                )
 
             node.create_subscription(String, "scenario/progress", follow, 10)
             run = node.create_client(Trigger, "scenario/run")

@@ -4,10 +4,11 @@ For each case it sets the parameters of the simulation atomically, asks for the 
 for the evaluation of exactly that impact and for the recorder to have it on disk. Every wait has a
 deadline; a case that fails is told as failed, and the matrix goes on.
 
-``~/progress`` is JSON: ``scenario``, ``state`` (idle, running, finished), ``case``, ``done``,
-``failed``, ``cases``, ``elapsed_s``, ``left_s``. ``~/run`` answers at the end, with the result as
-JSON: ``scenario``, ``complete``, ``file``, and one row per case with ``name``, ``status``
-(evaluated, failed, cancelled), ``error``, ``impact_id``, ``setup``, ``evaluation``, ``reference``.
+``~/progress`` is JSON: ``scenario``, ``state`` (idle, starting, running, finished), ``case``,
+``done``, ``failed``, ``cases``, ``elapsed_s``, ``left_s``. ``~/run`` answers at the end, with the
+result as JSON: ``scenario``, ``complete``, ``error``, ``file``, ``reference``, and in ``cases`` one
+row each with ``name``, ``status`` (evaluated, failed, cancelled), ``error``, ``impact_id``,
+``recorded``, ``setup``, ``evaluation``, ``reference``.
 """
 
 from __future__ import annotations
@@ -134,6 +135,7 @@ class ScenarioNode(Node):
         record = self._options.value.record
         began, rows, path = time.monotonic(), [], ""
         state = {"scenario": scenario.name, "cases": len(scenario.cases)}
+        self._tell(**state, state="starting", case="", done=0, failed=0)
         await self._ready(scenario)
         for case in scenario.cases:
             elapsed = time.monotonic() - began
@@ -144,13 +146,12 @@ class ScenarioNode(Node):
             )  # fmt: skip
             rows.append(await self._row(case))
         error = ""
-        if record and any(row["recorded"] for row in rows):
+        if record:
             try:
                 path = json.loads((await self._ask(self._finish, ANSWER_TIMEOUT)).message)["path"]
-                # What is recorded next does not belong to this scenario.
-                await self._set(self._recorder, {"scenario_name": "", "scenario_text": ""})
             except (HelmetSimError, ValueError) as problem:
-                error = f"the log was not finished: {problem}"
+                if any(row["recorded"] for row in rows):  # else there may be no log at all
+                    error = f"the log was not finished: {problem}"
         self._tell(
             **state, state="finished", case="", done=len(rows), failed=_failed(rows),
             elapsed_s=time.monotonic() - began, left_s=0.0,
@@ -207,7 +208,18 @@ class ScenarioNode(Node):
         if record:
             changes = "".join(f"# with {text}\n" for text in self._options.value.overrides if text)
             text = changes + scenario.path.read_text(encoding="utf-8")
-            await self._set(self._recorder, {"scenario_name": scenario.name, "scenario_text": text})
+            await self._tell_recorder({"scenario_name": scenario.name, "scenario_text": text})
+
+    async def _tell_recorder(self, values: dict[str, Any]) -> None:
+        """Set parameters of the recorder, which may still be writing an earlier impact."""
+        deadline = time.monotonic() + START_TIMEOUT
+        while True:
+            try:
+                return await self._set(self._recorder, values)
+            except NodeError as error:
+                if "busy" not in str(error) or time.monotonic() > deadline:
+                    raise
+            await wait(self, Future(), PULSE)
 
     # the other nodes
 
@@ -301,7 +313,8 @@ class ScenarioNode(Node):
     def _busy_reason(self) -> str:
         if not self._running:
             return ""
-        return f"busy: {self._state['scenario']} runs, case {self._state['case'] or '(starting)'}"
+        state = self._state
+        return f"busy: {state['scenario']} runs, case {state['done'] + 1} of {state['cases']}"
 
     def _tell(self, **state: Any) -> None:
         self._state = {"scenario": "", "elapsed_s": 0.0, "left_s": None} | state
