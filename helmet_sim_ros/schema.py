@@ -6,8 +6,9 @@ ROS parameters, the command line and the documentation.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Set
 from dataclasses import dataclass
+from functools import lru_cache
 from types import NoneType, UnionType
 from typing import Any, Literal, Union, get_args, get_origin
 
@@ -87,7 +88,7 @@ class Config(BaseModel):
             SetupError: unknown key, or a refused value.
         """
         data = self.model_dump()
-        known = {leaf.name for leaf in leaves(type(self))}
+        known = _leaf_names(type(self))
         for key, value in changes.items():
             if key not in known:
                 raise SetupError.of(key, value, f"unknown key; known: {_near(key, known)}")
@@ -212,7 +213,13 @@ def _problems(model: type[Config], error: ValidationError) -> Iterator[Problem]:
             yield Problem(path, item["input"], item["msg"])
 
 
-def _near(key: str, known: set[str]) -> str:
+@lru_cache(maxsize=64)
+def _leaf_names(model: type[Config]) -> frozenset[str]:
+    """Names of a class's leaves; asked for in every setup of a sweep."""
+    return frozenset(leaf.name for leaf in leaves(model))
+
+
+def _near(key: str, known: Set[str]) -> str:
     """The known keys most like ``key``, else all of them."""
     import difflib
 
