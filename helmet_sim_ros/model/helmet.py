@@ -100,7 +100,7 @@ class Liner(Config):
     retention_damping: float = quantity(
         "rotational damping of chin strap and cheek pads", "N m s/rad", 0.5, ge=0.0, le=100.0
     )
-    columns: int = quantity("foam columns over the whole shell", "-", 600, ge=50, le=20000)
+    columns: int = quantity("foam columns over the whole shell", "-", 1000, ge=50, le=20000)
     front: Zone = Field(default_factory=Zone)
     back: Zone = Field(default_factory=Zone)
     side: Zone = Field(default_factory=Zone)
