@@ -1,0 +1,175 @@
+"""Show the impacts of logs and compute their criteria again."""
+
+from __future__ import annotations
+
+import json
+import os
+from importlib.metadata import PackageNotFoundError, version
+from typing import TYPE_CHECKING, Any
+
+import click
+from rich import box
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from helmet_sim_ros.cli._logs import DIFFERENT, FINE, for_each_log, logs_argument
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from helmet_sim_ros.mcap_log import ImpactLog
+    from helmet_sim_ros.report.review import Reviewed
+
+#: Differences shown per impact; the rest is counted.
+MOST_DIFFERENCES = 8
+
+
+@click.command()
+@logs_argument
+@click.option("--standard", help="Show verdicts by config/standards/NAME.yaml or a path.")
+@click.option("--all-criteria", is_flag=True, help="Show every criterion of every impact.")
+@click.option("--setup", "full_setup", is_flag=True, help="Show every value of the setup.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON, one line per log.")
+def command(
+    logs: tuple[Path, ...],
+    standard: str | None,
+    all_criteria: bool,
+    full_setup: bool,
+    as_json: bool,
+) -> None:
+    """Show the impacts of each LOG; compute their criteria from the logged samples and compare.
+
+    LOG: a log of the recorder, or a bag of ros2 bag record -s mcap with impact/samples.
+
+    Exit code 0: all is as logged; 1: a criterion differs; 2: a log cannot be read.
+    """
+    from helmet_sim_ros.report.review import review
+
+    console = Console(highlight=False)
+
+    def show(log: ImpactLog) -> int:
+        rows = [review(impact, standard) for impact in log]
+        if as_json:
+            click.echo(json.dumps(_plain(log, rows)))
+        else:
+            _show_log(console, log, rows, full_setup)
+            if all_criteria:
+                _show_criteria(console, rows)
+        return DIFFERENT if any(row.differences for row in rows) else FINE
+
+    raise SystemExit(for_each_log(logs, show))
+
+
+def _show_log(console: Console, log: ImpactLog, rows: list[Reviewed], full_setup: bool) -> None:
+    from helmet_sim_ros.report.summary import SHORT, common, shown
+
+    def say(text: str, style: str = "") -> None:
+        console.print(text, style=style, markup=False, soft_wrap=True)
+
+    incomplete = f", {len(log.problems)} incomplete" if log.problems else ""
+    say(f"{os.path.relpath(log.path)}: {len(rows)} complete impacts{incomplete}", "bold")
+    run = log.run
+    made = [run.get("scenario", ""), run.get("started", ""), log.library]
+    say("  recorded: " + ", ".join(filter(None, made)))
+    if versions := _versions(run):
+        say(f"  versions: {versions}")
+    for warning in log.warnings:
+        say(f"  warning: {warning}", "yellow")
+    for problem in log.problems:
+        say(f"  {problem}", "yellow")
+    if not rows:
+        return
+    setups = [row.impact.setup for row in rows]
+    values = common(setups)
+    names = list(values) if full_setup else [name for name in SHORT if name in values]
+    say("  setup: " + ", ".join(f"{name} = {shown(values[name])}" for name in names))
+    models = {row.impact.model_hash for row in rows}
+    if len(models) == 1 and any(models):
+        say(f"  model: {models.pop()}")
+    console.print(_table(rows))
+    for number, row in enumerate(rows, 1):
+        for difference in row.differences[:MOST_DIFFERENCES]:
+            say(f"#{number} {row.impact.impact_id}: {difference}", "red")
+        if len(row.differences) > MOST_DIFFERENCES:
+            say(f"#{number}: {len(row.differences)} differences in all", "red")
+    for warning in dict.fromkeys(w for row in rows for w in row.evaluation.warnings):
+        say(f"note: {warning}", "dim")
+
+
+def _table(rows: list[Reviewed]) -> Table:
+    from helmet_sim_ros.cli._table import SHORT as COLUMNS
+    from helmet_sim_ros.cli._table import VERDICT_STYLE
+    from helmet_sim_ros.report.summary import LEADING, shown, varying
+
+    setups = [row.impact.setup for row in rows]
+    more = [n for n in varying(setups) if n not in (*LEADING, "helmet.description")][:3]
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+    models = {row.impact.model_hash for row in rows}
+    leading = ["#", "direction"] if len(models) == 1 else ["#", "model", "direction"]
+    for header in leading:
+        table.add_column(header, no_wrap=True)
+    numbers = ["vn", "vt", *(name.rpartition(".")[2] for name in more)]
+    for header in [*numbers, *(header for _, header, _, _ in COLUMNS)]:
+        table.add_column(Text(header), justify="right")
+    table.add_column("verdict", no_wrap=True)
+    table.add_column("criteria", no_wrap=True)
+    for number, row in enumerate(rows, 1):
+        impact, criteria = row.impact, row.evaluation.criteria
+        values = [
+            format(criteria[name].value * factor, style) if name in criteria else ""
+            for name, _, style, factor in COLUMNS
+        ]
+        table.add_row(
+            str(number), *([impact.model_hash] if len(models) > 1 else []),
+            *(shown(impact.setup.get(name)) for name in (*LEADING, *more)),
+            *values,
+            Text(row.evaluation.verdict, style=VERDICT_STYLE.get(row.evaluation.verdict, "")),
+            Text(row.check, style="bold red" if row.differences else ""),
+        )  # fmt: skip
+    return table
+
+
+def _show_criteria(console: Console, rows: list[Reviewed]) -> None:
+    from helmet_sim_ros.cli._table import criteria_table
+
+    for number, row in enumerate(rows, 1):
+        case = {"name": f"#{number} {row.impact.impact_id}", "evaluation": row.evaluation.as_dict()}
+        console.print(criteria_table(case))
+
+
+def _versions(run: dict[str, str]) -> str:
+    """``numpy 2.4.6 (here 2.5.0), ...``."""
+    texts = []
+    for key, logged in run.items():
+        package = key.removeprefix("version.")
+        if package != key:
+            try:
+                here = version(package)
+            except PackageNotFoundError:
+                here = logged
+            texts.append(f"{package} {logged}" + (f" (here {here})" if here != logged else ""))
+    return ", ".join(texts)
+
+
+def _plain(log: ImpactLog, rows: list[Reviewed]) -> dict[str, Any]:
+    return {
+        "log": str(log.path),
+        "run": log.run,
+        "library": log.library,
+        "warnings": list(log.warnings),
+        "problems": list(log.problems),
+        "impacts": [
+            {
+                "impact_id": row.impact.impact_id,
+                "start_time": row.impact.start_time,
+                "samples": row.impact.samples,
+                "model_hash": row.impact.model_hash,
+                "setup": dict(row.impact.setup),
+                "criteria_logged": row.has_logged,
+                "differences": [vars(difference) for difference in row.differences],
+                "evaluation": row.evaluation.as_dict(),
+            }
+            for row in rows
+        ],
+    }
