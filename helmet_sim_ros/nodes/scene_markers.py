@@ -1,4 +1,4 @@
-"""Rider, helmet and ground as RViz markers."""
+"""Rider, helmet, ground and the forces between them as RViz markers."""
 
 from __future__ import annotations
 
@@ -7,12 +7,15 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from helmet_sim_ros.biomech.record import ImpactRecord
+from helmet_sim_ros.model.arrows import FORCES, Arrow, force_arrows
 from helmet_sim_ros.model.scene import Scene, SceneShape
 from helmet_sim_ros.model.setup import ImpactSetup
 from helmet_sim_ros.nodes.conversion import stamp
 
 #: Edge and thickness of the drawn part of the ground plane [m].
 _GROUND = (4.0, 4.0, 0.01)
+#: Diameter of an arrow's shaft and head, length of its head [m].
+_ARROW = (0.015, 0.035, 0.05)
 
 
 class SceneMarkers:
@@ -27,7 +30,9 @@ class SceneMarkers:
         self._parts = [_markers(shape) for shape in self._scene.shapes]
         ground = _marker(Marker.CUBE, "ground", _GROUND, (0.55, 0.55, 0.55, 1.0))
         ground.pose.position.z = -0.5 * _GROUND[2]
-        self._message = MarkerArray(markers=[ground, *(m for part in self._parts for m in part)])
+        self._arrows = [_marker(Marker.ARROW, name, _ARROW, (0.0,) * 4) for name in FORCES]
+        shapes = (marker for part in self._parts for marker in part)
+        self._message = MarkerArray(markers=[ground, *shapes, *self._arrows])
         for number, marker in enumerate(self._message.markers):
             marker.id = number
 
@@ -48,6 +53,8 @@ class SceneMarkers:
             for marker, offset in zip(markers, ends, strict=True):
                 a, b, c = (p + o for p, o in zip(position, offset, strict=True))
                 marker.pose = Pose(position=Point(x=a, y=b, z=c), orientation=turn)
+        for marker, arrow in zip(self._arrows, force_arrows(record, index), strict=True):
+            _point(marker, arrow)
         now = stamp(time_ns)
         for marker in self._message.markers:
             marker.header.stamp = now
@@ -62,6 +69,13 @@ def _markers(shape: SceneShape) -> list[Marker]:
     tube = _marker(Marker.CYLINDER, shape.name, (width, width, 2 * half), shape.color)
     caps = [_marker(Marker.SPHERE, shape.name, (width,) * 3, shape.color) for _ in range(2)]
     return [tube, *caps]
+
+
+def _point(marker: Marker, arrow: Arrow) -> None:
+    """Let a marker show a force, or nothing while there is none."""
+    marker.action = Marker.ADD if arrow.visible else Marker.DELETE
+    marker.points = [Point(x=x, y=y, z=z) for x, y, z in (arrow.tail.tolist(), arrow.tip.tolist())]
+    marker.color = ColorRGBA(**dict(zip("rgba", arrow.color, strict=True)))
 
 
 def _marker(
