@@ -133,7 +133,8 @@ class ScenarioNode(Node):
 
     async def _matrix(self, scenario: Scenario) -> dict[str, Any]:
         record = self._options.value.record
-        began, rows, path = time.monotonic(), [], ""
+        rows: list[dict[str, Any]] = []
+        began, path = time.monotonic(), ""
         state = {"scenario": scenario.name, "cases": len(scenario.cases)}
         self._tell(**state, state="starting", case="", done=0, failed=0)
         await self._ready(scenario)
