@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from scipy.integrate import trapezoid
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.integrate import trapezoid
 
 from helmet_sim_ros.model import coupling
 from helmet_sim_ros.model.helmet import Spring, SpringLaw
