@@ -12,7 +12,7 @@ ARGUMENTS = {
     "namespace": ("", "namespace of all nodes"),
     "output_dir": ("logs", "directory of the logs"),
     "scenario": ("oblique_table1", "name in config/scenarios, or path to a YAML file"),
-    "standard": ("ece_r22_05", "name in config/standards, or path to a YAML file"),
+    "standard": ("", "name in config/standards, or path to a YAML file"),
     "simulation_params": ("", "ROS parameter file for the simulation node"),
 }
 

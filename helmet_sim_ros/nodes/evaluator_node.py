@@ -32,7 +32,9 @@ class EvaluatorConfig(Config):
     """Parameters of the evaluator."""
 
     standard: str = Field(
-        DEFAULT_STANDARD, description="name in config/standards, or path to a YAML file"
+        "",
+        description="name in config/standards, or path to a YAML file; empty: peak and HIC limits "
+        "of ECE R22.05, whatever the impact conditions",
     )
 
 
@@ -84,7 +86,7 @@ class EvaluatorNode(Node):
         if impact.record is None:
             return None, impact.problem
         try:
-            return evaluate(impact.record, self._settings.value.standard), ""
+            return evaluate(impact.record, self._settings.value.standard or None), ""
         except HelmetSimError as error:
             return None, f"failed: {error}"
         except Exception as error:
@@ -102,7 +104,7 @@ class EvaluatorNode(Node):
 
 def _configuration(values: dict[str, Any]) -> EvaluatorConfig:
     config = EvaluatorConfig(**values)
-    load_standard(config.standard)
+    load_standard(config.standard or DEFAULT_STANDARD)
     return config
 
 

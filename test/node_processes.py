@@ -1,0 +1,166 @@
+"""Nodes as processes of their own over real DDS, and a client that never waits for ever."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rcl_interfaces.srv import GetParameters, SetParametersAtomically
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.signals import SignalHandlerOptions
+from std_srvs.srv import SetBool, Trigger
+
+from helmet_sim_ros.nodes.environment import prepare_environment
+from helmet_sim_ros.nodes.qos import CRITERIA, LATCHED
+
+DOMAIN = 1 + (os.getpid() * 7) % 90
+
+
+class Rig:
+    """Node processes and a client node in the same ROS domain; all end with the block."""
+
+    def __init__(self, folder: Path, nodes: Sequence[str] = ()) -> None:
+        self.folder = folder
+        self.processes: dict[str, subprocess.Popen[bytes]] = {}
+        self.status: dict[str, dict[str, str]] = {}
+        self.criteria: dict[str, DiagnosticArray] = {}
+        self._nodes = nodes
+        self._clients: dict[str, Any] = {}
+
+    def __enter__(self) -> Rig:
+        os.environ["ROS_DOMAIN_ID"] = str(DOMAIN)
+        os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+        prepare_environment()
+        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        try:
+            self.node = rclpy.create_node("test_client")
+            self._executor = SingleThreadedExecutor()
+            self._executor.add_node(self.node)
+            self.node.create_subscription(
+                DiagnosticArray, "evaluation/criteria", self._judged, CRITERIA
+            )
+            for name in ("simulation", "recorder"):
+                self.node.create_subscription(
+                    DiagnosticStatus, f"{name}/status", self._heard, LATCHED
+                )
+            for name in self._nodes:
+                self.start(name)
+            if "simulation" in self._nodes:
+                readers = str(len({"evaluator", "recorder"} & set(self._nodes)))
+                self.until(lambda: self.status.get("simulation", {}).get("readers") == readers)
+        except BaseException:
+            self.__exit__(None, None, None)
+            raise
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        codes = {name: self.stop(name) for name in list(self.processes)}
+        self.node.destroy_node()
+        rclpy.try_shutdown()
+        if kind is None:
+            assert set(codes.values()) <= {0}, codes
+
+    def start(self, name: str, *arguments: str, **parameters: Any) -> None:
+        """Start a node; logs go to the rig's folder."""
+        values = {"output_dir": str(self.folder)} if name == "recorder" else {}
+        flags = []
+        for key, value in (values | parameters).items():
+            flags += ["-p", f"{key.replace('__', '.')}:={value}"]
+        command = [sys.executable, "-m", f"helmet_sim_ros.nodes.{name}_node"]
+        with open(self._said(name), "w") as file:
+            self.processes[name] = subprocess.Popen(
+                [*command, "--ros-args", *flags, *arguments], cwd=self.folder, stderr=file
+            )
+
+    def _said(self, name: str) -> Path:
+        return self.folder / f"{name}.txt"
+
+    def stop(self, name: str, kind: signal.Signals = signal.SIGINT) -> int:
+        """End a node with a signal; its exit code."""
+        process = self.processes.pop(name)
+        if process.poll() is None:
+            process.send_signal(kind)
+        try:
+            process.wait(timeout=20)
+        finally:
+            process.kill()
+        return process.returncode
+
+    def until(self, ready: Callable[[], Any], seconds: float = 60.0) -> Any:
+        """Serve callbacks until ``ready()`` gives something true, which is returned."""
+        deadline = time.monotonic() + seconds
+        while not (found := ready()):
+            for name, process in self.processes.items():
+                assert process.poll() is None, f"{name}: {self._said(name).read_text()}"
+            assert time.monotonic() < deadline, "waited in vain"
+            self._executor.spin_once(timeout_sec=0.02)
+        return found
+
+    def ask(self, service: str, request: Any = None) -> Any:
+        """Begin a service call; the future of its answer."""
+        kinds = {"pause": SetBool, "set_parameters_atomically": SetParametersAtomically,
+                 "get_parameters": GetParameters}  # fmt: skip
+        kind = kinds.get(service.rpartition("/")[2], Trigger)
+        if service not in self._clients:
+            self._clients[service] = self.node.create_client(kind, service)
+        client = self._clients[service]
+        self.until(client.service_is_ready)
+        return client.call_async(request or kind.Request())
+
+    def call(self, service: str, request: Any = None) -> Any:
+        """The answer of a service."""
+        future = self.ask(service, request)
+        self.until(future.done)
+        return future.result()
+
+    def set(self, node: str = "simulation", **values: Any) -> str:
+        """Set parameters of a node together (``__`` for a dot); the reason if it refuses."""
+        parameters = [
+            Parameter(name.replace("__", "."), value=value).to_parameter_msg()
+            for name, value in values.items()
+        ]
+        request = SetParametersAtomically.Request(parameters=parameters)
+        result = self.call(f"{node}/set_parameters_atomically", request).result
+        assert result.successful or result.reason
+        return str(result.reason)
+
+    def get(self, name: str, node: str = "simulation") -> Any:
+        """The value of a parameter."""
+        answer = self.call(f"{node}/get_parameters", GetParameters.Request(names=[name]))
+        return parameter_value_to_python(answer.values[0])
+
+    def impact(self) -> dict[str, Any]:
+        """Run the configured impact and wait for its criteria."""
+        answer = self.call("simulation/run_impact")
+        assert answer.success, answer.message
+        result: dict[str, Any] = json.loads(answer.message)
+        self.until(lambda: result["impact_id"] in self.criteria)
+        return result
+
+    def recorded(self, impact_id: str) -> Path:
+        """Wait until the recorder has an impact; the file's final name."""
+        self.until(lambda: self.status.get("recorder", {}).get("impact_id") == impact_id)
+        return Path(self.status["recorder"]["path"])
+
+    def _judged(self, message: DiagnosticArray) -> None:
+        self.criteria[message.status[0].hardware_id] = message
+
+    def _heard(self, message: DiagnosticStatus) -> None:
+        told = {pair.key: pair.value for pair in message.values}
+        self.status[message.name] = told | {"message": message.message}

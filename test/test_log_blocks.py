@@ -1,0 +1,120 @@
+"""Sample blocks: only a complete impact in order becomes a record."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from helmet_sim_ros.biomech.record import block_labels, from_block, same_samples
+from helmet_sim_ros.errors import IncompleteError
+from helmet_sim_ros.mcap_log.blocks import Assembler, Block, parse_block
+
+LABELS = tuple(block_labels(("knee",)))
+DATA = np.random.default_rng(1).normal(size=(40, len(LABELS)))
+DATA[:, 0] = np.arange(40) * 1e-4
+SIZES = (7, 1, 12, 20)
+
+
+def blocks(impact_id: str = "a-1", start_time: float = 1.0) -> list[Block]:
+    edges = np.cumsum([0, *SIZES])
+    return [
+        Block(impact_id, int(i), 40, start_time, LABELS, DATA[i:j], {"k": 1} if i == 0 else None)
+        for i, j in pairwise(edges)
+    ]
+
+
+def travelled(block: Block) -> Block:
+    return parse_block(block.header(), ",".join(block.labels), block.data.ravel())
+
+
+def test_a_block_survives_its_journey_bit_for_bit() -> None:
+    for block in blocks():
+        arrived = travelled(block)
+        assert np.array_equal(arrived.data, block.data)
+        assert replace(arrived, data=block.data) == block
+
+
+def test_blocks_in_order_become_the_record() -> None:
+    assembler = Assembler()
+    ended = [impact for block in blocks() for impact in assembler.feed(travelled(block))]
+    (impact,) = ended
+    assert impact.record is not None and not impact.problem and assembler.pending is None
+    assert same_samples(impact.record, from_block(list(LABELS), DATA))
+    assert impact.record.setup == {"k": 1}
+
+
+@given(st.lists(st.integers(0, len(SIZES) - 1), max_size=8))
+def test_any_other_order_never_gives_a_record_that_was_not_sent(order: list[int]) -> None:
+    sent, assembler = blocks(), Assembler()
+    ended = [impact for i in order for impact in assembler.feed(sent[i])]
+    complete = [impact for impact in ended if impact.record is not None]
+    whole = "".join(map(str, order)).count("0123")
+    assert len(complete) <= whole
+    if order == [0, 1, 2, 3]:
+        assert len(complete) == 1
+    for impact in complete:
+        assert impact.record is not None
+        assert same_samples(impact.record, from_block(list(LABELS), DATA))
+    for impact in ended:
+        assert (impact.record is None) == impact.problem.startswith("incomplete")
+
+
+def test_an_impact_that_another_one_follows_is_incomplete() -> None:
+    assembler = Assembler()
+    for block in blocks("a-1")[:2]:
+        assert assembler.feed(block) == []
+    ended = [impact for block in blocks("a-2") for impact in assembler.feed(block)]
+    assert [impact.impact_id for impact in ended] == ["a-1", "a-2"]
+    assert "followed by impact a-2 (impact a-1, 8 of 40)" in ended[0].problem
+    assert ended[1].record is not None
+
+
+def test_an_aborted_impact_says_why() -> None:
+    assembler = Assembler()
+    assembler.feed(blocks()[0])
+    end = replace(blocks()[1], data=DATA[:0], aborted="it diverged")
+    (impact,) = assembler.feed(travelled(end))
+    assert impact.problem == "incomplete: it diverged (impact a-1, 7 of 40)"
+    assert assembler.feed(blocks()[2]) == []  # told once
+
+
+def test_samples_that_are_not_uniform_in_time_are_refused() -> None:
+    data = DATA.copy()
+    data[20, 0] += 5e-5
+    assembler = Assembler()
+    (impact,) = assembler.feed(Block("a-1", 0, 40, 1.0, LABELS, data))
+    assert impact.record is None and "uniform" in impact.problem
+
+
+def test_channels_must_stay_the_same() -> None:
+    first, second, *_ = blocks()
+    assembler = Assembler()
+    assembler.feed(first)
+    (impact,) = assembler.feed(replace(second, total=41))
+    assert "changed on the way" in impact.problem
+
+
+@pytest.mark.parametrize(
+    ("header", "labels", "data"),
+    [
+        ("", "time", [0.0]),
+        ("[1]", "time", [0.0]),
+        ('{"impact_id": "a"}', "time", [0.0]),
+        (json.dumps({"impact_id": "a", "first": 0, "total": 2, "start_time": 1.0}), "time,x", [0]),
+        (json.dumps({"impact_id": "a", "first": 2, "total": 2, "start_time": 1.0}), "time", [0]),
+        (json.dumps({"impact_id": "a", "first": -1, "total": 2, "start_time": 1.0}), "time", [0]),
+        (json.dumps({"impact_id": "a", "first": 0.5, "total": 2, "start_time": 1.0}), "time", [0]),
+        (json.dumps({"impact_id": 1, "first": 0, "total": 2, "start_time": 1.0}), "time", [0]),
+        (json.dumps({"impact_id": "a", "first": 0, "total": 2, "start_time": "x"}), "time", [0]),
+        (json.dumps({"impact_id": "a", "first": 0, "total": 2, "start_time": 1, "z": 1}), "t", [0]),
+    ],
+)
+def test_what_is_no_block_is_refused(header: str, labels: str, data: list[float]) -> None:
+    with pytest.raises(IncompleteError, match="not a block of samples"):
+        parse_block(header, labels, data)
