@@ -120,7 +120,7 @@ class Row:
     @property
     def id(self) -> str:
         """Hash of the setup, the row's identity within its study."""
-        return _digest(self.values)[:20]
+        return digest(self.values)[:20]
 
 
 @dataclass(frozen=True)
@@ -175,11 +175,11 @@ class Study:
         """What decides the results, each part as a digest: equal identities, equal results."""
         resolved = [validated(case, "").described() for case in self.matrix]
         return {
-            "matrix": _digest(self.matrix),
-            "drawn values": _digest({**self.drawn, **self.labels}),
-            "helmets, riders and defaults": _digest(resolved),
-            "standard": _digest(load_standard(self.file.standard).model_dump()),
-            "criteria": _digest(self.criteria),
+            "matrix": digest(self.matrix),
+            "drawn values": digest({**self.drawn, **self.labels}),
+            "helmets, riders and defaults": digest(resolved),
+            "standard": digest(load_standard(self.file.standard).model_dump()),
+            "criteria": digest(self.criteria),
             **{f"version of {name}": version(name) for name in PACKAGES},
         }
 
@@ -325,6 +325,6 @@ def _portable(values: dict[str, Any]) -> dict[str, Any]:
     return values
 
 
-def _digest(data: Any) -> str:
+def digest(data: Any) -> str:
     text = json.dumps(data, sort_keys=True, default=dict, allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()
