@@ -68,7 +68,10 @@ def command(
     if plan.file.histories is not None:
         from helmet_sim_ros.cli._histories import write_histories
 
-        path = write_histories(result, console)
+        with shown_progress(console, "histories") as progress:
+            path, differing = write_histories(result, progress)
+        for line in differing:
+            console.print(line, style="yellow", markup=False, soft_wrap=True)
         console.print(f"histories: {path}", soft_wrap=True)
     if result.failed:
         raise SystemExit(1)

@@ -1,0 +1,99 @@
+"""Complete samples of impacts of a sweep, as a log that ``helmet-sim review`` reads."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from helmet_sim_ros.errors import StudyError
+
+if TYPE_CHECKING:
+    from helmet_sim_ros.nodes.log_session import LogSession
+    from helmet_sim_ros.study.study import Row
+    from helmet_sim_ros.study.sweeper import SweepResult
+
+FILE = "histories.mcap"
+#: Impacts start at whole multiples of this in the log [s]; the first one after one second, because
+#: ROS takes 0 for "no time yet".
+SPACING = 0.1
+BEGIN = 1.0
+
+
+def write_histories(
+    result: SweepResult, progress: Callable[[int, int, int], None]
+) -> tuple[Path, list[str]]:
+    """Simulate the impacts that the study wants kept once more, and log them.
+
+    An impact gives the same samples each time, so nothing but criteria needs to be kept or sent
+    while the sweep runs.
+
+    Returns:
+        The log, and a line for each impact whose criterion is not what the sweep had: computed by
+        workers on another kind of processor.
+
+    Raises:
+        StudyError: ROS message packages are not installed.
+        LogError: the log cannot be written.
+    """
+    try:
+        from helmet_sim_ros.nodes.log_session import LogSession
+        from helmet_sim_ros.nodes.recorder_config import RecorderConfig
+    except ImportError as error:
+        raise StudyError(
+            f"histories are logs of ROS messages, which are not installed ({error}); all other "
+            "results are there. Source a ROS 2 installation, or: pip install helmet_sim_ros[ros]"
+        ) from None
+    wanted = result.study.file.histories
+    if wanted is None:
+        raise ValueError("the study keeps no histories")
+    rows: Sequence[Row] = result.worst(wanted.by, wanted.worst)
+    path = result.folder / FILE
+    for old in (path, path.with_name(path.name + ".part")):
+        old.unlink(missing_ok=True)
+    session = LogSession(path, RecorderConfig(scenario_name=result.study.name), _absolute)
+    differing = []
+    start = BEGIN
+    for done, row in enumerate(rows):
+        progress(done, len(rows), 0)
+        kept = result.table[wanted.by][row.index].as_py()
+        again, start = _add(session, result, row, wanted.by, start)
+        if again != kept:
+            differing.append(f"impact {row.index}: {wanted.by} is {again!r} here, was {kept!r}")
+    progress(len(rows), len(rows), 0)
+    return session.close(), differing
+
+
+def _absolute(topic: str) -> str:
+    return "/" + topic.lstrip("/")
+
+
+def _add(
+    session: LogSession, result: SweepResult, row: Row, criterion: str, start: float
+) -> tuple[float, float]:
+    """Log one impact; its criterion, and when the next one may start."""
+    from rclpy.serialization import serialize_message
+
+    from helmet_sim_ros.biomech.evaluation import evaluate
+    from helmet_sim_ros.mcap_log.blocks import Assembled, Block
+    from helmet_sim_ros.model.impact import Impact
+    from helmet_sim_ros.model.setup import setup_from_names
+    from helmet_sim_ros.nodes import diagnostics, samples
+    from helmet_sim_ros.nodes.conversion import nanoseconds
+
+    impact = Impact(setup_from_names(row.values))
+    impact.advance(impact.total)
+    record = impact.record()
+    name = f"{result.study.name}-{row.index:06d}"
+    block = Block(
+        name, 0, impact.total, start, tuple(impact.labels), impact.block(0, impact.total),
+        setup=impact.setup.described(), model=impact.model_xml(),
+    )  # fmt: skip
+    session.add(block, serialize_message(samples.to_message(block)))
+    session.end_impact(Assembled(name, start, impact.total, record))
+    evaluation = evaluate(record, result.study.file.standard)
+    end = float(record.time[-1])
+    time_ns = nanoseconds(start, end)
+    session.add_criteria(diagnostics.from_evaluation(evaluation, name, time_ns))
+    return evaluation.criteria[criterion].value, (math.floor((start + end) / SPACING) + 1) * SPACING
