@@ -18,7 +18,10 @@ def test_the_normal_force_pushes_only() -> None:
 def test_friction_sticks_below_its_limit_and_slips_at_it() -> None:
     stick = np.zeros(2)
     step, stiffness = 1e-5, 1e6
-    held = [contact.friction_force(stiffness, contact.RELAXATION, 100.0, 0.5, 0.0, step, stick) for _ in range(5)]
+    held = [
+        contact.friction_force(stiffness, contact.RELAXATION, 100.0, 0.5, 0.0, step, stick)
+        for _ in range(5)
+    ]
     relaxation = contact.RELAXATION * 0.5
     assert held[4][0] == pytest.approx(-stiffness * (5 * 0.5 * step + relaxation))
     for _ in range(500):
@@ -31,14 +34,19 @@ def test_friction_reverses_with_the_slip_through_the_elastic_deflection() -> Non
     stick = np.zeros(2)
     for _ in range(200):
         contact.friction_force(1e6, contact.RELAXATION, 400.0, 1.0, 0.0, 1e-5, stick)
-    force = [contact.friction_force(1e6, contact.RELAXATION, 400.0, -1.0, 0.0, 1e-5, stick)[0] for _ in range(100)]
+    force = [
+        contact.friction_force(1e6, contact.RELAXATION, 400.0, -1.0, 0.0, 1e-5, stick)[0]
+        for _ in range(100)
+    ]
     assert force[0] < 0.0 < force[-1] == pytest.approx(400.0)
     assert np.all(np.diff(force) >= -1e-9)
 
 
 @pytest.mark.parametrize("rig", ["rider", "headform"])
 @pytest.mark.parametrize("friction", [0.0, 0.2, 0.4, 0.8])
-def test_tangential_force_never_exceeds_friction_times_normal_force(rig: str, friction: float) -> None:
+def test_tangential_force_never_exceeds_friction_times_normal_force(
+    rig: str, friction: float
+) -> None:
     setup = ImpactSetup(
         rig=rig, normal_velocity=6.0, tangential_velocity=8.0, friction=friction,
         tangential_heading_deg=35.0,

@@ -33,9 +33,18 @@ def along(axis: int, values: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize(
     ("axis", "sense", "side"),
-    [(0, -1, "front"), (0, 1, "back"), (1, -1, "side"), (1, 1, "side"), (2, -1, "top"), (2, 1, "strap")],
+    [
+        (0, -1, "front"),
+        (0, 1, "back"),
+        (1, -1, "side"),
+        (1, 1, "side"),
+        (2, -1, "top"),
+        (2, 1, "strap"),
+    ],
 )
-def test_loading_follows_the_exponential_of_the_struck_side(axis: int, sense: int, side: str) -> None:
+def test_loading_follows_the_exponential_of_the_struck_side(
+    axis: int, sense: int, side: str
+) -> None:
     d = np.linspace(0.0, 0.03, 50)
     config = spring(**{side: {"A": 9000.0, "B": 33.0}})
     force = forces(along(axis, sense * d), config)
@@ -70,7 +79,9 @@ def test_reloading_follows_the_unloading_path_and_then_the_loading_path() -> Non
 
 
 def test_the_sides_of_an_axis_keep_separate_histories() -> None:
-    path = np.concatenate([np.linspace(0, 0.02, 20), np.linspace(0.02, 0, 20), np.linspace(0, -0.02, 20)])
+    path = np.concatenate(
+        [np.linspace(0, 0.02, 20), np.linspace(0.02, 0, 20), np.linspace(0, -0.02, 20)]
+    )
     force = forces(along(1, path), spring())[:, 1]
     assert force[-1] == pytest.approx(-force[19])
 

@@ -27,8 +27,12 @@ def peak_g(record: ImpactRecord) -> float:
     return float(np.linalg.norm(record.head_acceleration, axis=1).max()) / G
 
 
-@pytest.mark.parametrize(("density", "low", "high"), [(40, 0.30, 0.45), (62, 0.60, 0.70), (80, 0.88, 0.92)])
-def test_the_yield_stress_lies_in_the_published_range(density: float, low: float, high: float) -> None:
+@pytest.mark.parametrize(
+    ("density", "low", "high"), [(40, 0.30, 0.45), (62, 0.60, 0.70), (80, 0.88, 0.92)]
+)
+def test_the_yield_stress_lies_in_the_published_range(
+    density: float, low: float, high: float
+) -> None:
     row = foam.foam_row(density, 0.05)
     assert low <= row[foam.YIELD] / 1e6 <= high
 
@@ -47,7 +51,9 @@ def test_the_loading_stress_grows_with_strain_and_its_energy_is_its_integral(
 
 @given(density=densities, largest=st.floats(0.06, 0.9), returned=st.floats(0.01, 0.2))
 @settings(max_examples=60, deadline=None)
-def test_unloading_returns_the_stated_share(density: float, largest: float, returned: float) -> None:
+def test_unloading_returns_the_stated_share(
+    density: float, largest: float, returned: float
+) -> None:
     row = foam.foam_row(density, returned)
     rest = foam.residual_strain(largest, row)
     area, _ = quad(lambda e: foam.foam_stress(e, largest, row), rest, largest)
@@ -86,14 +92,18 @@ def test_a_cell_of_a_sphere_lies_behind_its_middle_by_its_mean_sagitta() -> None
 
 
 def test_zones_change_thickness_and_density_where_they_are() -> None:
-    helmet = load_helmet("fullface").replaced({"liner.front.thickness": 0.03, "liner.top.density": 90.0})
+    helmet = load_helmet("fullface").replaced(
+        {"liner.front.thickness": 0.03, "liner.top.density": 90.0}
+    )
     made = columns(helmet)
     normal, thickness = made.geometry[:, 3:6], made.geometry[:, 7]
     front = normal[:, 0].argmax()
     assert thickness[front] == pytest.approx(0.03, abs=2e-4)
     assert thickness[normal[:, 0].argmin()] == pytest.approx(0.044, abs=1e-6)
     top = normal[:, 2].argmax()
-    assert made.foam[top, foam.YIELD] == pytest.approx(foam.foam_row(90.0, 0.05)[foam.YIELD], rel=0.01)
+    assert made.foam[top, foam.YIELD] == pytest.approx(
+        foam.foam_row(90.0, 0.05)[foam.YIELD], rel=0.01
+    )
 
 
 @pytest.mark.parametrize("speed", [2.5, 5.0, 7.5])
@@ -127,7 +137,9 @@ def test_the_foam_drop_matches_a_plane_pressed_into_a_crushable_cap(speed: float
 ])  # fmt: skip
 def test_the_peak_converges_in_the_number_of_columns(values: dict[str, object]) -> None:
     n = load_helmet("fullface").liner.columns
-    peaks = [peak_g(simulate(foam_setup({"helmet.liner.columns": k * n}, **values))) for k in (1, 2)]
+    peaks = [
+        peak_g(simulate(foam_setup({"helmet.liner.columns": k * n}, **values))) for k in (1, 2)
+    ]
     assert peaks[0] == pytest.approx(peaks[1], rel=0.01)
 
 
@@ -191,6 +203,10 @@ def test_the_head_slides_in_the_liner_only_as_its_friction_allows() -> None:
 
 
 def test_mirrored_foam_impacts_agree_within_the_lattice() -> None:
-    left = simulate(foam_setup(direction="left", tangential_velocity=5.0, tangential_heading_deg=60.0))
-    right = simulate(foam_setup(direction="right", tangential_velocity=5.0, tangential_heading_deg=-60.0))
+    left = simulate(
+        foam_setup(direction="left", tangential_velocity=5.0, tangential_heading_deg=60.0)
+    )
+    right = simulate(
+        foam_setup(direction="right", tangential_velocity=5.0, tangential_heading_deg=-60.0)
+    )
     assert peak_g(left) == pytest.approx(peak_g(right), rel=0.01)

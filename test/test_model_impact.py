@@ -79,7 +79,7 @@ def test_the_head_accelerates_by_the_forces_that_act_on_it(rig: str) -> None:
     record, model = impact.record(), impact.model
     mass = model.body("head").mass[0] + model.body("helmet_rest").mass[0]
     turn = Rotation.from_quat(record.head_orientation)
-    force = turn.apply(record.coupling_force + record.neck_force) + [0.0, 0.0, -mass * G]
+    force = turn.apply(record.coupling_force + record.neck_force) + np.array([0, 0, -mass * G])
     assert np.abs(mass * record.head_acceleration - force).max() < 1e-6 * np.abs(force).max()
 
 
@@ -102,8 +102,12 @@ def test_the_recorded_coupling_loop_is_the_law() -> None:
     setup = ImpactSetup(tangential_velocity=5.0)
     record, spring = simulate(setup), setup.helmet_config.spring
     state, force = coupling.new_state(), np.zeros(3)
-    for displacement, recorded in zip(record.coupling_displacement, record.coupling_force, strict=True):
-        coupling.spring_force(displacement, coupling.law_table(spring), spring.energy_loss, state, force)
+    for displacement, recorded in zip(
+        record.coupling_displacement, record.coupling_force, strict=True
+    ):
+        coupling.spring_force(
+            displacement, coupling.law_table(spring), spring.energy_loss, state, force
+        )
         assert recorded == pytest.approx(-force, rel=1e-12)
     loading = record.coupling_displacement[:, 1]
     i = loading.argmin()
@@ -126,7 +130,9 @@ def test_left_and_right_are_mirror_images(rig: str) -> None:
 
 @pytest.mark.parametrize("direction", ["front", "back", "left", "top"])
 @pytest.mark.parametrize(("normal", "tangential"), OBLIQUE)
-def test_peaks_converge_with_the_time_step(direction: str, normal: float, tangential: float) -> None:
+def test_peaks_converge_with_the_time_step(
+    direction: str, normal: float, tangential: float
+) -> None:
     common = {
         "direction": direction, "normal_velocity": normal, "tangential_velocity": tangential,
         "duration": 0.02,
@@ -203,7 +209,11 @@ def test_the_compiled_loop_steps_like_the_interpreted_one() -> None:
         assert data.qpos == pytest.approx(position, rel=1e-9, abs=1e-12)
         mujoco.mj_step1(model, data)
         coupling.spring_force.py_func(
-            data.qpos[first : first + 3], coupling.law_table(spring), spring.energy_loss, state, force
+            data.qpos[first : first + 3],
+            coupling.law_table(spring),
+            spring.energy_loss,
+            state,
+            force,
         )
         data.qfrc_applied[slides : slides + 3] = force
         stops.stop_torques.py_func(
@@ -243,7 +253,9 @@ def test_a_diverging_impact_says_so_with_its_setup() -> None:
     setup = ImpactSetup(overrides={
         "helmet.shell.contact_stiffness": 1e8, "helmet.shell.effective_mass": 1e-5,
     })  # fmt: skip
-    with pytest.raises(DivergedError, match=r"diverged at t = .* ms.*'impact.normal_velocity': 5.0"):
+    with pytest.raises(
+        DivergedError, match=r"diverged at t = .* ms.*'impact.normal_velocity': 5.0"
+    ):
         simulate(setup)
 
 

@@ -81,7 +81,10 @@ def test_head_and_neck_together_have_the_mass_and_centre_of_the_table() -> None:
 
 
 def test_segments_scale_geometrically() -> None:
-    small, large = anthropometry(Rider(height=1.5, mass=60)), anthropometry(Rider(height=1.8, mass=60))
+    small, large = (
+        anthropometry(Rider(height=1.5, mass=60)),
+        anthropometry(Rider(height=1.8, mass=60)),
+    )
     ratio = 1.8 / 1.5
     for name, segment in small.segments.items():
         assert large.segments[name].length == pytest.approx(ratio * segment.length)

@@ -30,16 +30,18 @@ def synthetic(noise: float = 0.0, seed: int = 0) -> list[DropTest]:
         for speed in SPEEDS:
             depth = 0.0036 * speed
             force = scale * math.expm1(exponent * depth) * (1.0 + noise * rng.standard_normal())
-            tests.append(DropTest(side, speed, force, depth + force / base().shell.contact_stiffness))
+            tests.append(
+                DropTest(side, speed, force, depth + force / base().shell.contact_stiffness)
+            )
     return tests
 
 
 def test_known_laws_are_found_again() -> None:
     result = identify(synthetic(), base())
     for fit in result.fits:
-        assert (fit.A, fit.B) == pytest.approx(LAWS[fit.side], rel=1e-4)
+        assert pytest.approx(LAWS[fit.side], rel=1e-4) == (fit.A, fit.B)
         assert np.abs(fit.residual).max() < 1e-6
-    assert result.helmet.spring.front.A == pytest.approx(LAWS["front"][0], rel=1e-4)
+    assert pytest.approx(LAWS["front"][0], rel=1e-4) == result.helmet.spring.front.A
     assert result.helmet.coupling == "spring"
     assert result.notes and "energy_loss" in result.notes[0]
 
@@ -110,12 +112,14 @@ def test_a_table_gives_back_the_drop_tests(kind: str, tmp_path: Path) -> None:
         for t in synthetic():
             for share in (0.0, 0.5, 1.0, 0.9):
                 force = t.peak_force * share if share != 0.9 else 0.0
-                lines.append(f"{t.direction},{t.normal_velocity},{force},{t.peak_compression * share}")
+                lines.append(
+                    f"{t.direction},{t.normal_velocity},{force},{t.peak_compression * share}"
+                )
         path.write_text("\n".join(lines))
     tests = read_drop_table(path)
     result = identify(tests, base())
     for fit in result.fits:
-        assert fit.B == pytest.approx(LAWS[fit.side][1], rel=1e-3)
+        assert pytest.approx(LAWS[fit.side][1], rel=1e-3) == fit.B
     if kind == "loops":
         assert 0.5 < result.energy_loss < 1.0 and not result.notes
 
@@ -186,13 +190,15 @@ def test_the_command_writes_a_helmet_that_runs(tmp_path: Path) -> None:
     assert run.exit_code == 0, run.output
     assert "front" in run.output and "residuals" in run.output
     made = load_helmet(str(helmet))
-    assert made.spring.side.B == pytest.approx(LAWS["side"][1], rel=1e-3)
+    assert pytest.approx(LAWS["side"][1], rel=1e-3) == made.spring.side.B
     assert drop_test(ImpactSetup(rig="headform", helmet=str(helmet))).peak_force > 1000.0
     assert plot.read_text().startswith("<?xml")
 
 
 def test_the_command_refuses_a_bad_table_with_exit_code_2(tmp_path: Path) -> None:
     path = tmp_path / "drops.csv"
-    path.write_text("direction,normal_velocity_m_s,peak_force_N,peak_compression_m\nfront,2.5,4,0.009\n")
+    path.write_text(
+        "direction,normal_velocity_m_s,peak_force_N,peak_compression_m\nfront,2.5,4,0.009\n"
+    )
     run = CliRunner().invoke(main, ["identify", str(path)])
     assert run.exit_code == 2 and "is it in kN" in run.output

@@ -110,9 +110,9 @@ def anthropometry(rider: Rider) -> Anthropometry:
     neck_length = head_neck.length - joint_depth
     neck_center = joint_depth + 0.5 * neck_length
     # Head and neck together keep the table's centre of mass (at the table's head mass).
-    head_depth = (
-        _REFERENCE["head_neck"][0] * head_neck.center - neck_fraction * neck_center
-    ) / (REFERENCE_HEAD_MASS / REFERENCE_MASS)
+    head_depth = (_REFERENCE["head_neck"][0] * head_neck.center - neck_fraction * neck_center) / (
+        REFERENCE_HEAD_MASS / REFERENCE_MASS
+    )
     sagittal, transverse, longitudinal = (head_mass * (k * scale) ** 2 for k in HEAD_GYRATION)
     segments["head"] = Segment(
         head_mass, joint_depth, head_depth, (sagittal, transverse, longitudinal)
@@ -132,7 +132,9 @@ def anthropometry(rider: Rider) -> Anthropometry:
         shoulder_depth=SHOULDER_DEPTH * scale,
         shoulder_half_width=SHOULDER_HALF_WIDTH * scale,
         hip_half_width=HIP_HALF_WIDTH * scale,
-        ankle_height=rider.height - head_neck.length - sum(segments[name].length for name in stacked),
+        ankle_height=rider.height
+        - head_neck.length
+        - sum(segments[name].length for name in stacked),
     )
 
 

@@ -166,9 +166,7 @@ def _mass(body: mujoco.MjsBody, segment: Segment) -> None:
     _inertial(body, segment.mass, (0.0, 0.0, -segment.center), segment.inertia)
 
 
-def _segment(
-    parent: mujoco.MjsBody, name: str, at: Vector, segment: Segment
-) -> mujoco.MjsBody:
+def _segment(parent: mujoco.MjsBody, name: str, at: Vector, segment: Segment) -> mujoco.MjsBody:
     child = parent.add_body(name=name, pos=list(at))
     _mass(child, segment)
     return child
@@ -195,7 +193,9 @@ def _joint(
     at: Vector = (0.0, 0.0, 0.0),
 ) -> mujoco.MjsJoint:
     """A sprung, damped hinge, at rest in the posture of the first touch."""
-    joint = child.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=list(axis), pos=list(at))
+    joint = child.add_joint(
+        name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=list(axis), pos=list(at)
+    )
     joint.range, joint.limited = list(limits), mujoco.mjtLimited.mjLIMITED_TRUE
     joint.stiffness, joint.damping = [stiffness, 0.0, 0.0], [damping, 0.0, 0.0]
     joint.springref = rest
@@ -203,7 +203,13 @@ def _joint(
 
 
 def _ellipsoid(body: mujoco.MjsBody, size: Vector, height: float) -> None:
-    body.add_geom(type=mujoco.mjtGeom.mjGEOM_ELLIPSOID, size=list(size), pos=[0, 0, height], mass=0.0, rgba=list(BODY_COLOR))
+    body.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_ELLIPSOID,
+        size=list(size),
+        pos=[0, 0, height],
+        mass=0.0,
+        rgba=list(BODY_COLOR),
+    )
 
 
 def _capsule(body: mujoco.MjsBody, radius: float, length: float) -> None:

@@ -58,7 +58,7 @@ def loading_stress(strain: float, foam: FloatArray) -> float:
     """Stress [Pa] on the loading path."""
     edge = LINEAR_FROM * foam[LIMIT]
     e = min(strain, edge)
-    stress = min(foam[MODULUS] * e, foam[YIELD]) + foam[GAS] * e / (foam[LIMIT] - e)
+    stress: float = min(foam[MODULUS] * e, foam[YIELD]) + foam[GAS] * e / (foam[LIMIT] - e)
     if strain > edge:
         slope = foam[GAS] * foam[LIMIT] / (foam[LIMIT] - edge) ** 2
         stress += slope * (strain - edge)
@@ -71,10 +71,12 @@ def loading_energy(strain: float, foam: FloatArray) -> float:
     edge = LINEAR_FROM * foam[LIMIT]
     e = min(strain, edge)
     elastic = min(e, foam[YIELD] / foam[MODULUS])
-    energy = 0.5 * foam[MODULUS] * elastic**2 + foam[YIELD] * (e - elastic)
+    energy: float = 0.5 * foam[MODULUS] * elastic**2 + foam[YIELD] * (e - elastic)
     energy += foam[GAS] * (-e - foam[LIMIT] * math.log(1.0 - e / foam[LIMIT]))
     if strain > edge:
-        energy += 0.5 * (loading_stress(edge, foam) + loading_stress(strain, foam)) * (strain - edge)
+        energy += (
+            0.5 * (loading_stress(edge, foam) + loading_stress(strain, foam)) * (strain - edge)
+        )
     return energy
 
 
@@ -83,7 +85,9 @@ def residual_strain(largest: float, foam: FloatArray) -> float:
     """Strain that stays after unloading from ``largest``."""
     if largest <= foam[YIELD] / foam[MODULUS] * 1e-3:
         return 0.0
-    width = 2.0 * foam[RETURNED] * loading_energy(largest, foam) / loading_stress(largest, foam)
+    width: float = (
+        2.0 * foam[RETURNED] * loading_energy(largest, foam) / loading_stress(largest, foam)
+    )
     return max(0.0, largest - width)
 
 

@@ -149,9 +149,7 @@ class Impact:
         orientation = columns.read(sensors, "head_orientation")[:, [1, 2, 3, 0]]
         position = columns.read(sensors, "head_position")
         turn = Rotation.from_quat(orientation)
-        helmet = Rotation.from_quat(
-            columns.read(sensors, "helmet_orientation")[:, [1, 2, 3, 0]]
-        )
+        helmet = Rotation.from_quat(columns.read(sensors, "helmet_orientation")[:, [1, 2, 3, 0]])
         if columns.slides[0] >= 0:
             displacement = q[:, columns.slides[0] : columns.slides[0] + 3]
             shell, force = position + turn.apply(displacement), -spring_rows
@@ -162,7 +160,7 @@ class Impact:
         gravity = np.array([0.0, 0.0, -self.setup.gravity])
         zeros = np.zeros((len(q), 3))
         return ImpactRecord(
-            time=np.arange(first, last) * self.setup.time_step,
+            time=np.arange(first, last, dtype=np.float64) * self.setup.time_step,
             # MuJoCo's framelinacc is specific force: inertial acceleration minus gravity.
             head_acceleration=columns.read(sensors, "head_specific_force") + gravity,
             head_angular_acceleration=columns.read(sensors, "head_angular_acceleration"),
@@ -186,7 +184,6 @@ class Impact:
             setup=MappingProxyType(self.setup.described()),
             extras=MappingProxyType(self._extras()),
         )
-
 
     def _extras(self) -> dict[str, Any]:
         """Notes, and of a foam helmet the crush map so far."""

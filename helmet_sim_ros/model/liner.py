@@ -8,9 +8,9 @@ sliding of the head in the liner, and the face opening.
 
 A column is a cell of the outer surface with its outward normal n, area and liner thickness t. At
 an angle a to the ground's normal a crush depth d strains it by d cos(a) / t over the projected
-area. Within a cell the stress is averaged over the span of depths that its tilt gives it, and a cell
-that straddles the ground plane counts with the share of its area below it: so a few hundred cells
-converge.
+area. Within a cell the stress is averaged over the span of depths that its tilt gives it, and a
+cell that straddles the ground plane counts with the share of its area below it: so a few hundred
+cells converge.
 """
 
 from __future__ import annotations
@@ -84,14 +84,18 @@ def columns(helmet: Helmet) -> Columns:
     )
     foam = np.array([foam_row(rho, liner.energy_returned) for rho in density])
     inner = axes.mean() - thickness.mean()
-    padding = np.array([liner.head_friction, liner.padding_stiffness, liner.padding_relaxation, inner])
+    padding = np.array(
+        [liner.head_friction, liner.padding_stiffness, liner.padding_relaxation, inner]
+    )
     return Columns(geometry, foam, padding)
 
 
 def zoned(liner: Liner, normal: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Thickness [m] and density [kg/m^3] at each normal: zones blend with its squared components."""
+    """Thickness [m] and density [kg/m^3] at each normal; zones blend with its squares."""
     thickness, density = np.zeros(len(normal)), np.zeros(len(normal))
-    for axis, (negative, positive) in enumerate((("back", "front"), ("side", "side"), ("top", "top"))):
+    for axis, (negative, positive) in enumerate(
+        (("back", "front"), ("side", "side"), ("top", "top"))
+    ):
         weight = normal[:, axis] ** 2
         for zone, here in ((negative, normal[:, axis] < 0.0), (positive, normal[:, axis] >= 0.0)):
             thickness += np.where(here, weight * liner.zone_thickness(zone), 0.0)
@@ -99,9 +103,7 @@ def zoned(liner: Liner, normal: FloatArray) -> tuple[FloatArray, FloatArray]:
     return thickness, density
 
 
-def crush_depth(
-    shell: Shell, position: FloatArray, rotation: FloatArray
-) -> FloatArray:
+def crush_depth(shell: Shell, position: FloatArray, rotation: FloatArray) -> FloatArray:
     """How deep the undeformed shell would reach into the ground, shape (n,) [m].
 
     Args:

@@ -1,13 +1,16 @@
 """The one stepping loop: coupling and contact forces in, samples out; compiled by numba.
 
 ``mj_step`` is taken in its two halves, so that the forces see the present positions and
-velocities and not those of the step before. The loop calls MuJoCo's C function directly and works on numpy views of MuJoCo's arrays, so it
-costs hardly more than ``mj_step`` itself and releases the interpreter lock.
+velocities and not those of the step before. The loop calls MuJoCo's C functions directly and
+works on numpy views of MuJoCo's arrays, so it costs hardly more than ``mj_step`` itself and
+releases the interpreter lock.
 """
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
+from typing import Any
 
 import llvmlite.binding
 import mujoco
@@ -30,12 +33,15 @@ def _link_mujoco() -> None:
     if not libraries:
         raise ImportError(f"no MuJoCo library in {folder}")
     llvmlite.binding.load_library_permanently(str(libraries[0]))
+    if mujoco.get_mju_user_warning() is None:
+        # A diverged state is reported as DivergedError; MuJoCo would also leave MUJOCO_LOG.TXT.
+        mujoco.set_mju_user_warning(logging.getLogger(__name__).debug)
 
 
 _link_mujoco()
-_signature = types.void(types.intp, types.intp)
-_mj_step1 = types.ExternalFunction("mj_step1", _signature)
-_mj_step2 = types.ExternalFunction("mj_step2", _signature)
+_signature: Any = types.void(types.intp, types.intp)
+_mj_step1: Any = types.ExternalFunction("mj_step1", _signature)
+_mj_step2: Any = types.ExternalFunction("mj_step2", _signature)
 
 
 @njit(cache=True, nogil=True)
@@ -72,7 +78,8 @@ def advance(
         spring: law table, energy loss, state; see :mod:`helmet_sim_ros.model.coupling`.
         shapes: body, centre, semi-axes, law, stick; see :mod:`helmet_sim_ros.model.contact`.
         foam_liner: geometry, foam, friction, largest strains and stick of the foam columns (no rows
-            for a spring helmet); friction, stiffness, radius and stick of the head in it. See :mod:`helmet_sim_ros.model.liner`.
+            for a spring helmet); constants of the padding, stick of the head in it. See
+            :mod:`helmet_sim_ros.model.liner`.
         joint_stops: joint addresses and laws; see :mod:`helmet_sim_ros.model.stops`.
         samples: rows of qpos, qvel, sensordata, the spring's force on the shell (3) and the
             ground's two wrenches (2, 6) to write.
@@ -111,7 +118,8 @@ def advance(
                 )  # fmt: skip
                 head_friction(
                     padding[0], padding[1], padding[2], padding[3], wrench[0, 2], step, slip,
-                    xpos[head], cvel[helmet], cvel[head], xipos[helmet], cartesian[helmet], cartesian[head],
+                    xpos[head], cvel[helmet], cvel[head], xipos[helmet], cartesian[helmet],
+                    cartesian[head],
                 )  # fmt: skip
             if sampled:
                 q_rows[i] = qpos
@@ -129,8 +137,9 @@ def _forget_stale_code() -> None:
 
     Numba compares the cache with this file only, not with the files of the functions it calls.
     """
-    cache = Path(advance.stats.cache_path)
-    changed = max(Path(module.__file__).stat().st_mtime for module in (contact, coupling, foam, liner, stops))
+    cache = Path(str(advance.stats.cache_path))
+    sources = [str(module.__file__) for module in (contact, coupling, foam, liner, stops)]
+    changed = max(Path(source).stat().st_mtime for source in sources)
     for file in cache.glob(f"{Path(__file__).stem}.advance-*"):
         if file.stat().st_mtime < changed:
             file.unlink(missing_ok=True)

@@ -29,7 +29,9 @@ class Neck(Config):
         "flexion-extension and lateral stiffness of head against torso",
         "N m/rad", 20.0, ge=0.0, le=500.0,
     )  # fmt: skip
-    torsion_stiffness: float = quantity("axial rotation stiffness", "N m/rad", 6.0, ge=0.0, le=200.0)
+    torsion_stiffness: float = quantity(
+        "axial rotation stiffness", "N m/rad", 6.0, ge=0.0, le=200.0
+    )
     damping: float = quantity("rotational damping", "N m s/rad", 1.0, ge=0.0, le=50.0)
 
 
@@ -227,7 +229,7 @@ def setup_from_names(values: Mapping[str, Any]) -> ImpactSetup:
 
 
 def setup_leaves() -> list[Any]:
-    """Every ``impact.*``, ``sim.*`` and ``rider.*`` value as a :class:`Leaf` with its dotted name."""
+    """Every ``impact.*``, ``sim.*`` and ``rider.*`` value, with its dotted name."""
     from dataclasses import replace
 
     field_to_name = {field: name for name, field in _SETUP_KEYS.items()}

@@ -154,7 +154,8 @@ def head_to_world(setup: ImpactSetup) -> FloatArray:
     flexion = math.radians(setup.resolved_neck_flexion_deg)
     c, s = math.cos(flexion), math.sin(flexion)
     nod = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
-    return _frame(direction, facing, up) @ nod
+    rotation: FloatArray = _frame(direction, facing, up) @ nod
+    return rotation
 
 
 def _frame(direction: str, facing: FloatArray, up: FloatArray) -> FloatArray:

@@ -72,8 +72,11 @@ def write_drop_table(tests: list[DropTest], path: Path) -> None:
 def _peaks(row: dict[str, str], where: str) -> DropTest:
     direction = _direction(row, where)
     speed, force, compression = (_ranged(row, key, where) for key in PEAKS[1:])
-    optional = {key: _optional(row, key, where) for key in OPTIONAL}
-    return DropTest(direction, speed, force, compression, source=where, **optional)
+    restitution, energy_loss, peak_g = (_optional(row, key, where) for key in OPTIONAL)
+    return DropTest(
+        direction, speed, force, compression, peak_g,
+        restitution=restitution, energy_loss=energy_loss, source=where,
+    )  # fmt: skip
 
 
 def _loops(rows: list[dict[str, str]], path: Path) -> Iterator[DropTest]:

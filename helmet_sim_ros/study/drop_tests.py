@@ -18,7 +18,14 @@ from helmet_sim_ros.model.setup import ImpactSetup
 from helmet_sim_ros.study.scenario import load_scenario
 
 #: Zone of the helmet that each striking part belongs to.
-ZONES = {"front": "front", "back": "back", "left": "side", "right": "side", "side": "side", "top": "top"}
+ZONES = {
+    "front": "front",
+    "back": "back",
+    "left": "side",
+    "right": "side",
+    "side": "side",
+    "top": "top",
+}
 
 
 @dataclass(frozen=True)

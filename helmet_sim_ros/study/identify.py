@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -121,7 +122,7 @@ def _checked(side: str, tests: Sequence[DropTest]) -> list[DropTest]:
             f"must exceed the peaks at {before.normal_velocity:g} m/s ({before.peak_force:g} N, "
             f"{before.peak_compression:g} m); {after.source}",
         )
-        for before, after in zip(merged, merged[1:], strict=False)
+        for before, after in pairwise(merged)
         if after.peak_force <= before.peak_force
         or after.peak_compression <= before.peak_compression
     ]

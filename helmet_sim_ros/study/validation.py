@@ -122,13 +122,13 @@ def validate(progress: Callable[[str], None] = lambda _: None) -> Validation:
     oblique = _pairs("oblique_matrix")
     progress("Table 1, six cases with either helmet")
     table = _pairs("oblique_table1")
-    paper = tuple(run_case(c.name, c.setup, c.reference) for c in load_scenario("oblique_paper").cases)
+    paper = tuple(
+        run_case(c.name, c.setup, c.reference) for c in load_scenario("oblique_paper").cases
+    )
     progress("refinement of time step and columns")
     refinement = tuple(_refined(oblique, drops))
     progress("sensitivity")
-    sensitivity = tuple(
-        (words, tuple(_varied(changes))) for words, changes in VARIATIONS.items()
-    )
+    sensitivity = tuple((words, tuple(_varied(changes))) for words, changes in VARIATIONS.items())
     return Validation(drops, oblique, table, paper, refinement, sensitivity)
 
 
@@ -172,9 +172,7 @@ def run_case(name: str, setup: ImpactSetup, published: Published | None = None) 
     )
 
 
-def errors(
-    values: Sequence[float], references: Sequence[float]
-) -> tuple[float, float]:
+def errors(values: Sequence[float], references: Sequence[float]) -> tuple[float, float]:
     """Mean and largest relative error [%]."""
     relative = 100.0 * np.abs(np.asarray(values) / np.asarray(references) - 1.0)
     return float(relative.mean()), float(relative.max())
@@ -218,7 +216,9 @@ def _refined(
         columns = 0.0
         if setup.helmet_config.coupling == "foam":
             doubled = {"helmet.liner.columns": 2 * setup.helmet_config.liner.columns}
-            more = ImpactSetup(**{**setup.model_dump(), "overrides": {**setup.overrides, **doubled}})
+            more = ImpactSetup(
+                **{**setup.model_dump(), "overrides": {**setup.overrides, **doubled}}
+            )
             columns = _change(base, _peaks(more))
         yield Refinement(name, setup.helmet_config.coupling, _change(base, finer), columns)
 
