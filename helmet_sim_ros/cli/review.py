@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 #: Differences shown per impact; the rest is counted.
 MOST_DIFFERENCES = 8
+#: Setup values that only say what others say already.
+_FOLLOWING = ("helmet.description", "impact.neck_flexion_deg")
 
 
 @click.command()
@@ -84,9 +86,8 @@ def _show_log(console: Console, log: ImpactLog, rows: list[Reviewed], full_setup
     values = common(setups)
     names = list(values) if full_setup else [name for name in SHORT if name in values]
     say("  setup: " + ", ".join(f"{name} = {shown(values[name])}" for name in names))
-    models = {row.impact.model_hash for row in rows}
-    if len(models) == 1 and any(models):
-        say(f"  model: {models.pop()}")
+    if any(models := _models(rows)):
+        say("  model: " + ", ".join(f"{k} {v}".strip() for v, k in models.items()))
     console.print(_table(rows))
     for number, row in enumerate(rows, 1):
         for difference in row.differences[:MOST_DIFFERENCES]:
@@ -103,15 +104,15 @@ def _table(rows: list[Reviewed]) -> Table:
     from helmet_sim_ros.report.summary import LEADING, shown, varying
 
     setups = [row.impact.setup for row in rows]
-    more = [n for n in varying(setups) if n not in (*LEADING, "helmet.description")][:3]
+    more = [n for n in varying(setups) if n not in (*LEADING, *_FOLLOWING)][:2]
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
-    models = {row.impact.model_hash for row in rows}
+    models = _models(rows)
     leading = ["#", "direction"] if len(models) == 1 else ["#", "model", "direction"]
     for header in leading:
         table.add_column(header, no_wrap=True)
     numbers = ["vn", "vt", *(name.rpartition(".")[2] for name in more)]
     for header in [*numbers, *(header for _, header, _, _ in COLUMNS)]:
-        table.add_column(Text(header), justify="right")
+        table.add_column(Text(header), justify="right", no_wrap=True)
     table.add_column("verdict", no_wrap=True)
     table.add_column("criteria", no_wrap=True)
     for number, row in enumerate(rows, 1):
@@ -121,13 +122,19 @@ def _table(rows: list[Reviewed]) -> Table:
             for name, _, style, factor in COLUMNS
         ]
         table.add_row(
-            str(number), *([impact.model_hash] if len(models) > 1 else []),
+            str(number), *([models[impact.model_hash]] if len(models) > 1 else []),
             *(shown(impact.setup.get(name)) for name in (*LEADING, *more)),
             *values,
             Text(row.evaluation.verdict, style=VERDICT_STYLE.get(row.evaluation.verdict, "")),
             Text(row.check, style="bold red" if row.differences else ""),
         )  # fmt: skip
     return table
+
+
+def _models(rows: list[Reviewed]) -> dict[str, str]:
+    """Hash of each model in the log -> what it is called in the table; empty for a single one."""
+    hashes = list(dict.fromkeys(row.impact.model_hash for row in rows))
+    return {digest: f"M{i}" if len(hashes) > 1 else "" for i, digest in enumerate(hashes, 1)}
 
 
 def _show_criteria(console: Console, rows: list[Reviewed]) -> None:
