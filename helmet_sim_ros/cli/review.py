@@ -105,16 +105,18 @@ def _table(rows: list[Reviewed]) -> Table:
 
     setups = [row.impact.setup for row in rows]
     more = [n for n in varying(setups) if n not in (*LEADING, *_FOLLOWING)][:2]
+    sliding = any(setup.get(LEADING[2]) for setup in setups)
+    leading_names = LEADING if sliding else LEADING[:2]
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
     models = _models(rows)
-    leading = ["#", "direction"] if len(models) == 1 else ["#", "model", "direction"]
+    leading = ["#", "from"] if len(models) == 1 else ["#", "", "from"]
     for header in leading:
         table.add_column(header, no_wrap=True)
-    numbers = ["vn", "vt", *(name.rpartition(".")[2] for name in more)]
+    numbers = ["vn", *(["vt"] if sliding else []), *(name.rpartition(".")[2] for name in more)]
     for header in [*numbers, *(header for _, header, _, _ in COLUMNS)]:
         table.add_column(Text(header), justify="right", no_wrap=True)
     table.add_column("verdict", no_wrap=True)
-    table.add_column("criteria", no_wrap=True)
+    table.add_column("check", no_wrap=True)
     for number, row in enumerate(rows, 1):
         impact, criteria = row.impact, row.evaluation.criteria
         values = [
@@ -123,7 +125,7 @@ def _table(rows: list[Reviewed]) -> Table:
         ]
         table.add_row(
             str(number), *([models[impact.model_hash]] if len(models) > 1 else []),
-            *(shown(impact.setup.get(name)) for name in (*LEADING, *more)),
+            *(shown(impact.setup.get(name)) for name in (*leading_names, *more)),
             *values,
             Text(row.evaluation.verdict, style=VERDICT_STYLE.get(row.evaluation.verdict, "")),
             Text(row.check, style="bold red" if row.differences else ""),
