@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from pathlib import Path
 
 from helmet_sim_ros.errors import SetupError
@@ -9,6 +10,7 @@ from helmet_sim_ros.errors import SetupError
 PACKAGE = "helmet_sim_ros"
 
 
+@lru_cache(maxsize=1)
 def share_directory() -> Path:
     """The directory that holds ``config/``: the source tree, or ``PREFIX/share/helmet_sim_ros``."""
     here = Path(__file__).resolve().parent

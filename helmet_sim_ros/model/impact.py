@@ -22,8 +22,7 @@ from helmet_sim_ros.model.foam import residual_strain
 from helmet_sim_ros.model.liner import POINT, THICKNESS, crush_depth
 from helmet_sim_ros.model.loop import advance
 from helmet_sim_ros.model.setup import ImpactSetup
-from helmet_sim_ros.model.stops import joint_stops
-from helmet_sim_ros.model.world import build, substeps
+from helmet_sim_ros.model.world import build
 
 
 def simulate(setup: ImpactSetup, crush: FloatArray | None = None) -> ImpactRecord:
@@ -63,8 +62,8 @@ class Impact:
         self.notes = world.notes
         self._model, self._data, self._spec = world.parts.model, world.data, world.parts.spec
         model = self._model
-        self._columns = _Columns(model)
-        self.labels = block_labels(self._columns.joints)
+        self._layout = layout = world.parts.layout
+        self.labels = block_labels(layout.joints)
         spring = setup.helmet_config.spring
         self.shapes = shapes = world.shapes
         data = self._data
@@ -85,8 +84,8 @@ class Impact:
         )  # fmt: skip
         if self._liner[3].shape != (len(columns),):
             raise PulseError(f"crush: shape {self._liner[3].shape}, expected ({len(columns)},)")
-        self._substeps = substeps(setup)
-        self._stops = joint_stops(model)
+        self._substeps = world.substeps
+        self._stops = world.parts.stops
         self._samples = tuple(
             np.zeros((self.total, *columns))
             for columns in (
@@ -113,7 +112,7 @@ class Impact:
         self._done = advance(
             self._model._address, self._data._address, self._model.opt.timestep,
             self._substeps, self._done, last,
-            self._states, self._frames, self._forces, self._columns.slides, self._spring,
+            self._states, self._frames, self._forces, self._layout.slides, self._spring,
             self._shapes, self._liner, self._stops, self._samples,
         )  # fmt: skip
         if self._done < last:
@@ -145,27 +144,27 @@ class Impact:
 
     def _slice(self, first: int, last: int) -> ImpactRecord:
         q, v, sensors, spring_rows, ground = (rows[first:last] for rows in self._samples)
-        columns, rider = self._columns, self.setup.rig == "rider"
-        orientation = columns.read(sensors, "head_orientation")[:, [1, 2, 3, 0]]
-        position = columns.read(sensors, "head_position")
+        layout, rider = self._layout, self.setup.rig == "rider"
+        orientation = layout.read(sensors, "head_orientation")[:, [1, 2, 3, 0]]
+        position = layout.read(sensors, "head_position")
         turn = Rotation.from_quat(orientation)
-        helmet = Rotation.from_quat(columns.read(sensors, "helmet_orientation")[:, [1, 2, 3, 0]])
-        if columns.slides[0] >= 0:
-            displacement = q[:, columns.slides[0] : columns.slides[0] + 3]
-            shell, force = position + turn.apply(displacement), -spring_rows
+        helmet = Rotation.from_quat(layout.read(sensors, "helmet_orientation")[:, [1, 2, 3, 0]])
+        if layout.slides[0] >= 0:
+            displacement = q[:, layout.slides[0] : layout.slides[0] + 3]
+            shell, force = position + _turned(turn, displacement), -spring_rows
         else:  # the crushed liner, in the same sense: the ground pushes the shell upwards
             depth = crush_depth(self.setup.helmet_config.shell, position, helmet.as_matrix())
-            displacement = turn.apply([0.0, 0.0, 1.0], inverse=True) * depth[:, None]
-            shell, force = position, turn.apply(ground[:, 0, :3], inverse=True)
+            displacement = _turned(turn.inv(), np.array([[0.0, 0.0, 1.0]])) * depth[:, None]
+            shell, force = position, _turned(turn.inv(), ground[:, 0, :3])
         gravity = np.array([0.0, 0.0, -self.setup.gravity])
         zeros = np.zeros((len(q), 3))
         return ImpactRecord(
             time=np.arange(first, last, dtype=np.float64) * self.setup.time_step,
             # MuJoCo's framelinacc is specific force: inertial acceleration minus gravity.
-            head_acceleration=columns.read(sensors, "head_specific_force") + gravity,
-            head_angular_acceleration=columns.read(sensors, "head_angular_acceleration"),
-            head_velocity=columns.read(sensors, "head_velocity"),
-            head_angular_velocity=columns.read(sensors, "head_angular_velocity"),
+            head_acceleration=layout.read(sensors, "head_specific_force") + gravity,
+            head_angular_acceleration=layout.read(sensors, "head_angular_acceleration"),
+            head_velocity=layout.read(sensors, "head_velocity"),
+            head_angular_velocity=layout.read(sensors, "head_angular_velocity"),
             head_position=position,
             head_orientation=orientation,
             helmet_position=shell,
@@ -173,14 +172,14 @@ class Impact:
             ground_force=ground[:, 0, :3],
             ground_torque=ground[:, 0, 3:],
             coupling_force=force,
-            coupling_torque=-columns.read(sensors, "coupling_torque"),
+            coupling_torque=-layout.read(sensors, "coupling_torque"),
             coupling_displacement=displacement,
             body_ground_force=ground[:, 1, :3],
-            neck_force=columns.read(sensors, "neck_force") if rider else zeros,
-            neck_torque=columns.read(sensors, "neck_torque") if rider else zeros,
-            joint_names=columns.joints,
-            joint_positions=q[:, columns.qpos],
-            joint_velocities=v[:, columns.qvel],
+            neck_force=layout.read(sensors, "neck_force") if rider else zeros,
+            neck_torque=layout.read(sensors, "neck_torque") if rider else zeros,
+            joint_names=layout.joints,
+            joint_positions=q[:, layout.qpos],
+            joint_velocities=v[:, layout.qvel],
             setup=MappingProxyType(self.setup.described()),
             extras=MappingProxyType(self._extras()),
         )
@@ -199,32 +198,6 @@ class Impact:
                 "column_position": geometry[:, POINT : POINT + 3].copy(),
             }
         return extras
-
-
-class _Columns:
-    """Where named quantities stand in MuJoCo's state and sensor vectors."""
-
-    def __init__(self, model: mujoco.MjModel) -> None:
-        helmet = int(model.body("helmet").id)
-        head = int(model.body("head").id)
-        self.slides = (-1, -1, helmet, head)
-        if int(model.body("helmet").jntnum[0]) == 3:
-            first = model.joint("coupling_x")
-            self.slides = (int(first.qposadr[0]), int(first.dofadr[0]), helmet, head)
-        names = [model.joint(j).name for j in range(model.njnt)]
-        body = [j for j, n in enumerate(names) if n != "root" and not n.startswith("coupling_")]
-        self.joints = tuple(names[j] for j in body)
-        self.qpos = np.array([model.jnt_qposadr[j] for j in body], dtype=int)
-        self.qvel = np.array([model.jnt_dofadr[j] for j in body], dtype=int)
-        self._sensors = {
-            model.sensor(i).name: (int(model.sensor_adr[i]), int(model.sensor_dim[i]))
-            for i in range(model.nsensor)
-        }
-
-    def read(self, sensors: FloatArray, name: str) -> FloatArray:
-        """One sensor's columns of sampled rows."""
-        start, size = self._sensors[name]
-        return sensors[:, start : start + size]
 
 
 def _turned(turn: Rotation, vectors: FloatArray) -> FloatArray:

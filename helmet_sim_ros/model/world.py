@@ -15,8 +15,10 @@ from helmet_sim_ros.model.body import BODY_CONTACT, add_body
 from helmet_sim_ros.model.contact import FRICTION, Shapes
 from helmet_sim_ros.model.coupling import deepest, law_table, unloading_exponent
 from helmet_sim_ros.model.helmet import Helmet
+from helmet_sim_ros.model.layout import Layout
 from helmet_sim_ros.model.liner import Columns, columns, no_columns
 from helmet_sim_ros.model.setup import ImpactSetup, Rider
+from helmet_sim_ros.model.stops import Stops, joint_stops
 
 MAX_STEP = 5e-5  # s, largest integration step: peaks within 1 % (test_model_impact)
 MIN_STEP = 2e-6  # s; a shell so light or stiff that it needs less may diverge, and says so
@@ -44,12 +46,16 @@ class Parts:
         spec: the same as an editable specification, for export.
         shapes: what may touch the ground by a stiff contact.
         columns: the foam helmet's columns, none for a spring helmet.
+        stops: of the body's joints.
+        layout: where named quantities stand in the model's vectors.
     """
 
     model: mujoco.MjModel
     spec: mujoco.MjSpec
     shapes: Shapes
     columns: Columns
+    stops: Stops
+    layout: Layout
 
 
 @dataclass(frozen=True)
@@ -60,20 +66,23 @@ class World:
         parts: shared with other impacts.
         data: holds the initial state.
         shapes: ``parts.shapes`` with the friction of this setup.
+        substeps: integration steps per sample.
         notes: what a user should know about this setup, in words.
     """
 
     parts: Parts
     data: mujoco.MjData
     shapes: Shapes
+    substeps: int
     notes: tuple[str, ...]
 
 
 def build(setup: ImpactSetup) -> World:
     """Compile the model of a setup and place it at the first touch of the ground."""
+    steps = substeps(setup)
     parts = _parts(
         setup.rig, setup.rider, setup.helmet_config, setup.resolved_neck_flexion_deg,
-        setup.gravity, setup.time_step / substeps(setup),
+        setup.gravity, setup.time_step / steps,
     )  # fmt: skip
     shapes = parts.shapes
     if setup.helmet_config.coupling == "spring":
@@ -82,7 +91,7 @@ def build(setup: ImpactSetup) -> World:
         shapes = replace(shapes, law=law)
     data = mujoco.MjData(parts.model)
     notes = _place(parts.model, data, shapes, setup)
-    return World(parts, data, shapes, notes)
+    return World(parts, data, shapes, steps, notes)
 
 
 @lru_cache(maxsize=32)
@@ -103,8 +112,9 @@ def _parts(
     model = spec.compile()
     foam = helmet.coupling == "foam"
     return Parts(
-        model, spec, _contact_shapes(model, helmet), columns(helmet) if foam else no_columns()
-    )
+        model, spec, _contact_shapes(model, helmet), columns(helmet) if foam else no_columns(),
+        joint_stops(model), Layout(model),
+    )  # fmt: skip
 
 
 def substeps(setup: ImpactSetup) -> int:
