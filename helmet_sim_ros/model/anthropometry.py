@@ -10,6 +10,7 @@ gyration); head without neck: T. Beier et al. 1980 (radii of gyration 6.89 / 7.1
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 from helmet_sim_ros.model.setup import Rider
 
@@ -84,6 +85,7 @@ class Anthropometry:
     ankle_height: float
 
 
+@lru_cache(maxsize=64)
 def anthropometry(rider: Rider) -> Anthropometry:
     """The rider's segments, scaled by height and mass.
 

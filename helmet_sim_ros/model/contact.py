@@ -137,13 +137,18 @@ def ground_contact(
     for i in range(len(body)):
         b = body[i]
         m = xmat[b]
+        ax, ay, az = semi_axes[i]
+        cx, cy, cz = center[i]
+        height = xpos[b, 2] + m[6] * cx + m[7] * cy + m[8] * cz
+        if height >= max(ax, ay, az):  # out of reach in any orientation
+            stick[i, 0] = stick[i, 1] = 0.0
+            continue
         # World down in body axes, scaled to the support point of the ellipsoid.
         dx, dy, dz = -m[6], -m[7], -m[8]
-        ax, ay, az = semi_axes[i]
         scale = 1.0 / ((ax * dx) ** 2 + (ay * dy) ** 2 + (az * dz) ** 2) ** 0.5
-        lx = center[i, 0] + ax * ax * dx * scale
-        ly = center[i, 1] + ay * ay * dy * scale
-        lz = center[i, 2] + az * az * dz * scale
+        lx = cx + ax * ax * dx * scale
+        ly = cy + ay * ay * dy * scale
+        lz = cz + az * az * dz * scale
         pz = xpos[b, 2] + m[6] * lx + m[7] * ly + m[8] * lz
         if pz >= 0.0:
             stick[i] = 0.0

@@ -24,17 +24,9 @@ MAX_STEP = 5e-5  # s, largest integration step: peaks within 1 % (test_model_imp
 MIN_STEP = 2e-6  # s; a shell so light or stiff that it needs less may diverge, and says so
 STABLE_SHARE = 0.9
 BODY_MARGIN = 1.3  # energy the body feeds into the spring, over that of head and helmet
+ARENA = 1 << 20  # bytes of working memory per simulation
 HELMET_COLOR = (0.20, 0.36, 0.62, 0.9)
 GROUND_COLOR = (0.55, 0.55, 0.55, 1.0)
-
-#: Part of the helmet in the head frame that faces the ground, before the body is inclined.
-FACING = {
-    "front": (1.0, 0.0, 0.0),
-    "back": (-1.0, 0.0, 0.0),
-    "left": (0.0, 1.0, 0.0),
-    "right": (0.0, -1.0, 0.0),
-    "top": (0.0, 0.0, 1.0),
-}
 
 
 @dataclass(frozen=True)
@@ -153,10 +145,8 @@ def head_to_world(setup: ImpactSetup) -> FloatArray:
     if setup.rig == "headform":
         forward = np.array([1.0, 0.0, 0.0])
         if setup.direction == "top":
-            return np.column_stack([forward, np.cross(down, forward), down])
-        up = forward  # the crown points along world x
-        facing = down
-        return _frame(setup.direction, facing, up)
+            return _frame("front", forward, down)
+        return _frame(setup.direction, down, forward)  # the crown points along world x
     beta = math.radians(setup.body_angle_deg)
     up = np.array([math.cos(beta), 0.0, -math.sin(beta)])
     facing = np.array([-math.sin(beta), 0.0, -math.cos(beta)])
@@ -170,12 +160,20 @@ def head_to_world(setup: ImpactSetup) -> FloatArray:
 
 def _frame(direction: str, facing: FloatArray, up: FloatArray) -> FloatArray:
     """Head axes in world axes, the named side along ``facing``, z along ``up``."""
-    side = np.array(FACING[direction])
-    if side[0] != 0.0:
-        x = facing * side[0]
-        return np.column_stack([x, np.cross(up, x), up])
-    y = facing * side[1]
-    return np.column_stack([np.cross(y, up), y, up])
+    beside = np.array(  # up x facing
+        [
+            up[1] * facing[2] - up[2] * facing[1],
+            up[2] * facing[0] - up[0] * facing[2],
+            up[0] * facing[1] - up[1] * facing[0],
+        ]
+    )
+    x, y = {
+        "front": (facing, beside),
+        "back": (-facing, -beside),
+        "left": (-beside, facing),
+        "right": (beside, -facing),
+    }[direction]
+    return np.column_stack([x, y, up])
 
 
 def _empty_world(gravity: float, step: float) -> mujoco.MjSpec:
@@ -194,6 +192,7 @@ def _empty_world(gravity: float, step: float) -> mujoco.MjSpec:
     option.disableflags |= int(
         mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT
     )
+    spec.memory = ARENA  # no contact, no constraint: next to nothing is needed
     spec.visual.global_.offwidth, spec.visual.global_.offheight = 1920, 1080
     spec.worldbody.add_geom(
         name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1], rgba=list(GROUND_COLOR)
