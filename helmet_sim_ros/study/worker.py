@@ -6,6 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+#: An error's text is cut here: some repeat the whole setup, which the row has anyway.
+MAX_ERROR = 300
+
 
 @dataclass(frozen=True)
 class Job:
@@ -46,7 +49,7 @@ def run_row(job: Job, values: Mapping[str, Any]) -> Outcome:
     try:
         result = evaluate(simulate(setup_from_names(values)), job.standard)
     except Exception as error:  # one bad case must not stop a study
-        return Outcome("failed", f"{type(error).__name__}: {error}")
+        return Outcome("failed", f"{type(error).__name__}: {error}"[:MAX_ERROR])
     found = result.criteria
     numbers = tuple(found[n].value if n in found else None for n in job.criteria)
     return Outcome("ok", None, result.verdict, numbers)
