@@ -8,8 +8,9 @@ The names below load on first use, so that importing the package costs nothing::
     print(evaluate(record).peak_g)
 """
 
-from importlib import import_module
 from typing import TYPE_CHECKING, Any
+
+from helmet_sim_ros.lazy import lazy_names
 
 if TYPE_CHECKING:
     from helmet_sim_ros.biomech.evaluation import Evaluation, evaluate
@@ -28,15 +29,16 @@ __all__ = [
     "Evaluation",
 ]
 
-_HOMES = {
-    "ImpactSetup": "model.setup",
-    "Rider": "model.setup",
-    "simulate": "model.impact",
-    "evaluate": "biomech.evaluation",
-    "Evaluation": "biomech.evaluation",
-    "ImpactRecord": "biomech.record",
-    "open_log": "mcap_log",
-}
+_load = lazy_names(
+    __name__,
+    {
+        "model.setup": ("ImpactSetup", "Rider"),
+        "model.impact": ("simulate",),
+        "biomech.evaluation": ("evaluate", "Evaluation"),
+        "biomech.record": ("ImpactRecord",),
+        "mcap_log": ("open_log",),
+    },
+)
 
 
 def __getattr__(name: str) -> Any:
@@ -44,9 +46,7 @@ def __getattr__(name: str) -> Any:
         from importlib.metadata import version
 
         return version(__name__)
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+    return _load(name)
 
 
 def __dir__() -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import importlib.metadata
 import os
 import re
@@ -10,6 +11,7 @@ import subprocess
 import sys
 import zipfile
 from pathlib import Path
+from types import ModuleType
 from xml.etree import ElementTree
 
 import pytest
@@ -92,6 +94,17 @@ def test_importing_the_package_loads_neither_physics_nor_ros():
         "assert not heavy, heavy"
     )
     subprocess.run([sys.executable, "-c", code], check=True, cwd=ROOT)
+
+
+@pytest.mark.parametrize(
+    "package", ["helmet_sim_ros", "helmet_sim_ros.biomech", "helmet_sim_ros.mcap_log"]
+)
+def test_every_name_of_a_facade_loads_and_is_no_module(package: str):
+    facade = importlib.import_module(package)
+    for name in facade.__all__:
+        assert not isinstance(getattr(facade, name), ModuleType), name
+    with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
+        _ = facade.nonsense
 
 
 def test_the_science_imports_no_ros():

@@ -2,35 +2,41 @@
 
 from __future__ import annotations
 
-from helmet_sim_ros.biomech.catalogue import CATALOGUE, HEADLINE
-from helmet_sim_ros.biomech.evaluation import evaluate
-from helmet_sim_ros.biomech.filters import SampleRateWarning, cfc, cfc_coefficients
-from helmet_sim_ros.biomech.helmet import (
-    Energy,
-    bottoming,
-    coupling_energy,
-    impulse_ratio,
-    instant_force_ratio,
-    peak_force_ratio,
-    restitution,
-)
+from typing import TYPE_CHECKING
+
+# At once: a lazy function would be hidden by its module of the same name.
 from helmet_sim_ros.biomech.hic import Hic, hic
-from helmet_sim_ros.biomech.linear import (
-    Span,
-    clip,
-    dwell,
-    gsi,
-    hic_d,
-    pulse_duration,
-    sfc,
-    velocity_change,
-)
-from helmet_sim_ros.biomech.neck import NeckLoads, neck_loads
-from helmet_sim_ros.biomech.record import ImpactRecord
-from helmet_sim_ros.biomech.result import Criterion, Evaluation
-from helmet_sim_ros.biomech.risk import risk_bric, risk_lognormal, risk_prasad_mertz
-from helmet_sim_ros.biomech.rotation import bric, damage, klc, ric, to_head_axes, ubric
-from helmet_sim_ros.biomech.standards import load_standard, standard_names
+from helmet_sim_ros.lazy import lazy_names
+
+if TYPE_CHECKING:
+    from helmet_sim_ros.biomech.catalogue import CATALOGUE, HEADLINE
+    from helmet_sim_ros.biomech.evaluation import evaluate
+    from helmet_sim_ros.biomech.filters import SampleRateWarning, cfc, cfc_coefficients
+    from helmet_sim_ros.biomech.helmet import (
+        Energy,
+        bottoming,
+        coupling_energy,
+        impulse_ratio,
+        instant_force_ratio,
+        peak_force_ratio,
+        restitution,
+    )
+    from helmet_sim_ros.biomech.linear import (
+        Span,
+        clip,
+        dwell,
+        gsi,
+        hic_d,
+        pulse_duration,
+        sfc,
+        velocity_change,
+    )
+    from helmet_sim_ros.biomech.neck import NeckLoads, neck_loads
+    from helmet_sim_ros.biomech.record import ImpactRecord
+    from helmet_sim_ros.biomech.result import Criterion, Evaluation
+    from helmet_sim_ros.biomech.risk import risk_bric, risk_lognormal, risk_prasad_mertz
+    from helmet_sim_ros.biomech.rotation import bric, damage, klc, ric, to_head_axes, ubric
+    from helmet_sim_ros.biomech.standards import load_standard, standard_names
 
 __all__ = [
     "CATALOGUE",
@@ -73,3 +79,37 @@ __all__ = [
     "ubric",
     "velocity_change",
 ]
+
+__getattr__ = lazy_names(
+    __name__,
+    {
+        "catalogue": ("CATALOGUE", "HEADLINE"),
+        "evaluation": ("evaluate",),
+        "filters": ("SampleRateWarning", "cfc", "cfc_coefficients"),
+        "helmet": (
+            "Energy",
+            "bottoming",
+            "coupling_energy",
+            "impulse_ratio",
+            "instant_force_ratio",
+            "peak_force_ratio",
+            "restitution",
+        ),
+        "linear": (
+            "Span",
+            "clip",
+            "dwell",
+            "gsi",
+            "hic_d",
+            "pulse_duration",
+            "sfc",
+            "velocity_change",
+        ),
+        "neck": ("NeckLoads", "neck_loads"),
+        "record": ("ImpactRecord",),
+        "result": ("Criterion", "Evaluation"),
+        "risk": ("risk_bric", "risk_lognormal", "risk_prasad_mertz"),
+        "rotation": ("bric", "damage", "klc", "ric", "to_head_axes", "ubric"),
+        "standards": ("load_standard", "standard_names"),
+    },
+)
