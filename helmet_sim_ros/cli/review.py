@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 
 #: Differences shown per impact; the rest is counted.
 MOST_DIFFERENCES = 8
-#: Setup values that only say what others say already.
-_FOLLOWING = ("helmet.description", "impact.neck_flexion_deg")
 
 
 @click.command()
@@ -101,10 +99,10 @@ def _show_log(console: Console, log: ImpactLog, rows: list[Reviewed], full_setup
 def _table(rows: list[Reviewed]) -> Table:
     from helmet_sim_ros.cli._table import SHORT as COLUMNS
     from helmet_sim_ros.cli._table import VERDICT_STYLE
-    from helmet_sim_ros.report.summary import LEADING, shown, varying
+    from helmet_sim_ros.report.summary import FOLLOWING, LEADING, shown, varying
 
     setups = [row.impact.setup for row in rows]
-    more = [n for n in varying(setups) if n not in (*LEADING, *_FOLLOWING)][:2]
+    more = [n for n in varying(setups) if n not in (*LEADING, *FOLLOWING)][:2]
     sliding = any(setup.get(LEADING[2]) for setup in setups)
     leading_names = LEADING if sliding else LEADING[:2]
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))

@@ -9,6 +9,8 @@ Setup = Mapping[str, Any]
 
 #: Setup values that every table shows.
 LEADING = ("impact.direction", "impact.normal_velocity", "impact.tangential_velocity")
+#: Setup values that only say what others say already.
+FOLLOWING = ("helmet.description", "impact.neck_flexion_deg")
 #: Setup values that name the impacts of a log shortly; all others are on request.
 SHORT = (
     "impact.rig", "helmet.name", "helmet.coupling", "impact.body_angle_deg",
@@ -40,13 +42,14 @@ def common(setups: Sequence[Setup]) -> dict[str, Any]:
     return {k: v for k, v in setups[0].items() if k not in different} if setups else {}
 
 
-def labels(setups: Sequence[Setup]) -> list[str]:
-    """A label for each setup; values beyond speed and direction in which they differ are added."""
-    more = [n for n in varying(setups) if n not in (*LEADING, "helmet.description")]
+def labels(setups: Sequence[Setup], speeds: bool = True) -> list[str]:
+    """A label for each setup: direction, speeds, and up to four other values that differ."""
+    more = [n for n in varying(setups) if n not in (*LEADING, *FOLLOWING)][:4]
     names = []
     for setup in setups:
+        first = label(setup) if speeds else str(setup.get(LEADING[0]) or "impact")
         extra = [f"{n.rpartition('.')[2]} {shown(setup.get(n))}" for n in more]
-        names.append("; ".join([label(setup), *extra[:4]]))
+        names.append("; ".join([first, *extra]))
     return names
 
 

@@ -1,0 +1,29 @@
+"""The scene behind a logged record, rebuilt from the record's setup alone."""
+
+from __future__ import annotations
+
+from helmet_sim_ros.biomech.record import ImpactRecord
+from helmet_sim_ros.errors import LogError, SetupError
+from helmet_sim_ros.model.scene import Scene
+from helmet_sim_ros.model.setup import setup_from_names
+
+
+def scene_of(record: ImpactRecord) -> Scene:
+    """The scene of a record, also where its helmet file is not on this machine.
+
+    Raises:
+        LogError: this version's model cannot show the record.
+    """
+    values = dict(record.setup)
+    try:
+        try:
+            setup = setup_from_names(values)
+        except SetupError:
+            # A log carries every value of its helmet, so any helmet can stand in for the file.
+            values.pop("helmet.name", None)
+            setup = setup_from_names(values)
+        scene = Scene(setup)
+        scene.pose(record, 0)
+    except (SetupError, KeyError, ValueError, IndexError) as error:
+        raise LogError(f"this version cannot show the impact: {error}") from error
+    return scene
