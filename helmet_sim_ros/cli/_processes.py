@@ -47,11 +47,18 @@ class NodeProcesses:
 
     Args:
         parameters: node name -> parameter name -> value.
+        remaps: node name -> name in the node -> name outside.
         quiet: write what the nodes say to a file that errors quote, not to the terminal.
     """
 
-    def __init__(self, parameters: Mapping[str, Mapping[str, Any]], quiet: bool = True) -> None:
+    def __init__(
+        self,
+        parameters: Mapping[str, Mapping[str, Any]],
+        remaps: Mapping[str, Mapping[str, str]] | None = None,
+        quiet: bool = True,
+    ) -> None:
         self._parameters = parameters
+        self._remaps = remaps or {}
         self._quiet = quiet
         self._running: dict[str, subprocess.Popen[bytes]] = {}
         self._output = ExitStack()
@@ -101,9 +108,11 @@ class NodeProcesses:
         output = None
         if self._quiet:
             output = self._output.enter_context(settings.with_suffix(".txt").open("wb"))
+        arguments = ["--ros-args", "--params-file", str(settings)]
+        for inside, outside in self._remaps.get(name, {}).items():
+            arguments += ["-r", f"{inside}:={outside}"]
         self._running[name] = subprocess.Popen(
-            [sys.executable, "-m", f"helmet_sim_ros.nodes.{name}_node",
-             "--ros-args", "--params-file", str(settings)],
+            [sys.executable, "-m", f"helmet_sim_ros.nodes.{name}_node", *arguments],
             stdin=subprocess.DEVNULL,
             stdout=output,
             stderr=output and subprocess.STDOUT,

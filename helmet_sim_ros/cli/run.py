@@ -17,6 +17,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from helmet_sim_ros.cli._client import call, ros_client, wait_for_service
 from helmet_sim_ros.cli._options import domain_option
 from helmet_sim_ros.cli._processes import (
+    NODES,
     NodeProcesses,
     termination_as_interrupt,
 )
@@ -71,15 +72,20 @@ def command(
         },
     }
     began = time.monotonic()
-    with termination_as_interrupt(), NodeProcesses(parameters) as nodes:
-        result = run_scenario(nodes, len(plan.cases), console)
-    report(result, console, all_criteria, time.monotonic() - began)
+    # A name of our own: the answer must not come from a scenario node that somebody else started.
+    run = f"scenario/run_{os.getpid()}"
+    remaps = {"scenario": {"~/run": run}}
+    with termination_as_interrupt(), NodeProcesses(parameters, remaps) as nodes:
+        result = run_scenario(nodes, run, len(plan.cases), console)
+        report(result, console, all_criteria, time.monotonic() - began)
     if not result["complete"]:
         raise SystemExit(1)
 
 
-def run_scenario(nodes: NodeProcesses, cases: int, console: Console) -> dict[str, Any]:
-    """Trigger the scenario node and follow it; its result as plain data.
+def run_scenario(
+    nodes: NodeProcesses, service: str, cases: int, console: Console
+) -> dict[str, Any]:
+    """Trigger the scenario node by its service and follow it; its result as plain data.
 
     Raises:
         NodeError: a node does not come up, ends, or refuses.
@@ -102,14 +108,36 @@ def run_scenario(nodes: NodeProcesses, cases: int, console: Console) -> dict[str
                 )
 
             node.create_subscription(String, "scenario/progress", follow, 10)
-            run = node.create_client(Trigger, "scenario/run")
-            wait_for_service(node, run, START_TIMEOUT, nodes.check)
-            answer = call(node, run, Trigger.Request(), float("inf"), nodes.check)
+            run = node.create_client(Trigger, service)
+
+            def tick() -> None:
+                nodes.check()
+                check_alone(node)
+
+            wait_for_service(node, run, START_TIMEOUT, tick)
+            answer = call(node, run, Trigger.Request(), float("inf"), tick)
         try:
             result: dict[str, Any] = json.loads(answer.message)
         except ValueError:
             raise NodeError(f"the scenario was refused: {answer.message}") from None
         return result
+
+
+def check_alone(node: Any) -> None:
+    """Refuse to run where others of the same names would answer too.
+
+    Raises:
+        NodeError: another simulation is up in this ROS domain.
+    """
+    there = [f"{namespace.rstrip('/')}/{name}" for name, namespace in
+             node.get_node_names_and_namespaces()]  # fmt: skip
+    twice = [name for name in NODES if there.count(f"/{name}") > 1]
+    if twice:
+        domain = os.environ.get("ROS_DOMAIN_ID", "0")
+        raise NodeError(
+            f"another /{twice[0]} is up in ROS domain {domain} (helmet-sim up?); end it, or choose "
+            "a domain: --domain-id"
+        )
 
 
 def report(result: dict[str, Any], console: Console, all_criteria: bool, seconds: float) -> None:

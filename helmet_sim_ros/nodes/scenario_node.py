@@ -45,7 +45,7 @@ START_TIMEOUT = 30.0
 #: How long short questions (parameters, the end of a log) may take [s].
 ANSWER_TIMEOUT = 10.0
 #: How often a wait looks whether the node it waits for is still there [s].
-PULSE = 0.5
+PULSE = 0.1
 
 PREFIX = "scenario."
 

@@ -1,0 +1,192 @@
+"""Write the tables of README.md and docs/interface.md from the code they describe.
+
+    python docs/make_tables.py          # rewrite what stands between the markers
+    python docs/make_tables.py --check  # exit code 1 if a table is out of date
+
+A block begins with ``<!-- table: NAME -->`` and ends with ``<!-- end of table -->``.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from io import StringIO
+from pathlib import Path
+
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rich.console import Console
+
+from helmet_sim_ros import evaluate, simulate
+from helmet_sim_ros.cli._table import result_table
+from helmet_sim_ros.nodes import qos
+from helmet_sim_ros.nodes.conversion import CHANNELS
+from helmet_sim_ros.nodes.evaluator_node import EvaluatorConfig
+from helmet_sim_ros.nodes.recorder_config import RecorderConfig
+from helmet_sim_ros.nodes.scenario_node import PREFIX, ScenarioOptions
+from helmet_sim_ros.nodes.setup_parameters import simulation_leaves
+from helmet_sim_ros.schema import Leaf, leaves
+from helmet_sim_ros.study import load_scenario
+
+ROOT = Path(__file__).resolve().parents[1]
+FILES = (ROOT / "README.md", ROOT / "docs" / "interface.md")
+BLOCK = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end of table -->)", re.DOTALL)
+
+#: What the channels of a sample mean, and their units.
+MEANING = {
+    "head/acceleration": "inertial acceleration of the head's centre of gravity [m/s²], "
+    "angular [rad/s²]",
+    "head/velocity": "of the head's centre of gravity [m/s], angular [rad/s]",
+    "head/pose": "of the head's centre of gravity [m]",
+    "head/imu": "what an accelerometer there reads: specific force [m/s²] (REP-145), angular "
+    "velocity [rad/s], orientation",
+    "helmet/pose": "of the shell; equal to the head's while the coupling is not compressed [m]",
+    "helmet/ground_contact": "force of the ground ON the helmet [N], moment about the world "
+    "origin [N m]",
+    "helmet/coupling": "force of the helmet ON the head [N], moment [N m]",
+    "neck/load": "force of the torso ON the head [N], moment about the head-neck joint [N m]",
+    "joint_states": "joints below the head [rad or m, rad/s or m/s]",
+}
+OTHER_TOPICS = (
+    ("simulation", "`/clock`", "rosgraph_msgs/msg/Clock", "", qos.CLOCK,
+     "simulation time, from start-up on, also while idle"),
+    ("simulation", "`scene`", "visualization_msgs/msg/MarkerArray", "world", qos.LIVE,
+     "rider, helmet, ground and forces for RViz or Foxglove"),
+    ("simulation", "`impact/samples`", "std_msgs/msg/Float64MultiArray", "", qos.SAMPLES_WRITER,
+     "every sample in blocks; the layout's labels name channels, impact, first index and total"),
+    ("simulation", "`~/status`", "diagnostic_msgs/msg/DiagnosticStatus", "", qos.LATCHED,
+     "idle, running or paused; impact, samples done, readers"),
+    ("evaluator", "`evaluation/criteria`", "diagnostic_msgs/msg/DiagnosticArray", "head",
+     qos.CRITERIA, "one status per criterion: value, unit, window, limit, verdict"),
+    ("recorder", "`~/status`", "diagnostic_msgs/msg/DiagnosticStatus", "", qos.LATCHED,
+     "last impact that is on disk, and the file"),
+    ("scenario", "`~/progress`", "std_msgs/msg/String", "", qos.LATCHED,
+     "JSON: case, done, failed, cases, time left [s]"),
+)  # fmt: skip
+SERVICES = (
+    ("simulation", "run_impact", "Trigger",
+     "run the configured impact; answers when every sample is out"),
+    ("simulation", "pause", "SetBool", "pause, or go on; asking twice changes nothing"),
+    ("simulation", "step", "Trigger", "one slice of a paused impact"),
+    ("simulation", "cancel", "Trigger", "end the running impact"),
+    ("simulation", "reset", "Trigger", "end it, and no longer paused; parameters and time stay"),
+    ("evaluator", "last_result", "Trigger", "the last evaluation as JSON"),
+    ("recorder", "finish", "Trigger", "close the log; the next impact begins another"),
+    ("scenario", "run", "Trigger", "run the whole matrix; answers with the result as JSON"),
+    ("scenario", "cancel", "Trigger", "end the running matrix"),
+)  # fmt: skip
+
+
+def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A Markdown table."""
+    lines = [header, ["---"] * len(header), *rows]
+    return "".join("| " + " | ".join(line) + " |\n" for line in lines)
+
+
+def quality(profile: QoSProfile) -> str:
+    """A quality of service in words."""
+    reliable = profile.reliability == ReliabilityPolicy.RELIABLE
+    latched = profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
+    kept = "all" if profile.history == HistoryPolicy.KEEP_ALL else f"last {profile.depth}"
+    words = ["reliable" if reliable else "best effort", *(["latched"] if latched else [])]
+    return f"{', '.join(words)}, keep {kept}"
+
+
+def topics() -> str:
+    """Every topic with its type, frame, quality of service and meaning."""
+    rows = [
+        ["simulation", f"`{c.topic}`", c.type_name, c.frame, quality(qos.LIVE), MEANING[c.topic]]
+        for c in CHANNELS
+    ]
+    rows += [[*row[:4], quality(row[4]), row[5]] for row in OTHER_TOPICS]
+    return table(("node", "topic", "type", "frame", "QoS", "meaning"), rows)
+
+
+def services() -> str:
+    """Every service of our own."""
+    rows = [
+        [node, f"`~/{name}`", f"std_srvs/srv/{kind}", text] for node, name, kind, text in SERVICES
+    ]
+    return table(("node", "service", "type", "meaning"), rows)
+
+
+def parameters(found: Iterable[Leaf], prefix: str = "") -> str:
+    """Parameters with type, unit, range and default."""
+    rows = [
+        [f"`{prefix}{leaf.name}`", leaf.type.__name__.replace("tuple", "list"), leaf.unit or "-",
+         leaf.allowed.removeprefix("must be ").removeprefix("a number "), _default(leaf),
+         leaf.description]
+        for leaf in found
+    ]  # fmt: skip
+    return table(("parameter", "type", "unit", "allowed", "default", "meaning"), rows)
+
+
+def _default(leaf: Leaf) -> str:
+    if leaf.default is None:
+        return "unset"
+    if isinstance(leaf.default, float):
+        return f"{leaf.default:g}"
+    if isinstance(leaf.default, tuple):
+        return "[" + ", ".join(map(str, leaf.default)) + "]"
+    return f"`{leaf.default}`" if leaf.default != "" else "empty"
+
+
+def _simulation(*groups: str) -> Callable[[], str]:
+    def chosen() -> str:
+        return parameters(leaf for leaf in simulation_leaves() if leaf.name.startswith(groups))
+
+    return chosen
+
+
+def demo() -> str:
+    """What ``make demo`` prints, computed without the nodes."""
+    scenario = load_scenario("oblique_table1")
+    rows = [
+        {
+            "name": case.name, "status": "evaluated", "reference": case.reference,
+            "evaluation": evaluate(simulate(case.setup)).as_dict(),
+        }
+        for case in scenario.cases
+    ]  # fmt: skip
+    console = Console(width=80, file=StringIO())
+    console.print(result_table(rows, scenario.name))
+    assert isinstance(console.file, StringIO)
+    lines = [line.rstrip() for line in console.file.getvalue().splitlines()]
+    return "```text\n" + "\n".join(lines).strip("\n") + "\n```\n"
+
+
+TABLES: dict[str, Callable[[], str]] = {
+    "demo": demo,
+    "topics": topics,
+    "services": services,
+    "impact_parameters": _simulation("impact.", "sim.", "helmet.name", "rider.height",
+                                     "rider.mass"),
+    "rider_parameters": _simulation("rider."),
+    "helmet_parameters": _simulation("helmet."),
+    "evaluator_parameters": lambda: parameters(leaves(EvaluatorConfig)),
+    "recorder_parameters": lambda: parameters(leaves(RecorderConfig)),
+    "scenario_parameters": lambda: parameters(leaves(ScenarioOptions), PREFIX),
+}  # fmt: skip
+
+
+def rewritten(text: str) -> str:
+    """A document with every marked table made anew."""
+    return BLOCK.sub(lambda match: f"{match[1]}\n{TABLES[match[2]]()}\n{match[3]}", text)
+
+
+def main() -> int:
+    stale = []
+    for path in FILES:
+        old = path.read_text(encoding="utf-8")
+        new = rewritten(old)
+        if new != old:
+            stale.append(path)
+            if "--check" not in sys.argv:
+                path.write_text(new, encoding="utf-8")
+    for path in stale:
+        print(f"{path.relative_to(ROOT)}: {'out of date' if '--check' in sys.argv else 'updated'}")
+    return 1 if stale and "--check" in sys.argv else 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
