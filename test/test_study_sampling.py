@@ -30,7 +30,7 @@ def test_space_filling_points_put_one_into_each_stratum(method):
 
 
 def test_sobol_refuses_a_count_that_breaks_its_balance():
-    with pytest.raises(SetupError, match="power of 2.*128"):
+    with pytest.raises(SetupError, match=r"power of 2.*128"):
         unit_points("sobol", 100, 2, 0)
 
 

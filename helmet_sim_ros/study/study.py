@@ -205,6 +205,7 @@ def build_study(file: StudyFile, path: Path, overrides: Mapping[str, Any] | None
     """The study of a file's content; arguments and errors as :func:`load_study`."""
     replaced = flatten(overrides or {})
     load_standard(file.standard)
+    file = file.model_copy(update={"standard": _everywhere(file.standard)})
     shared = flatten(file.common, f"{path}: common")
     cases: list[dict[str, Any]] = [{}]
     if file.cases or file.product or file.draw is None:
@@ -318,11 +319,15 @@ def _check_criteria(key: str, names: Sequence[str]) -> None:
 
 
 def _portable(values: dict[str, Any]) -> dict[str, Any]:
-    """A helmet file by its absolute path: workers run in other directories."""
     name = values.get("helmet.name")
-    if isinstance(name, str) and ("/" in name or name.endswith(".yaml")):
-        values["helmet.name"] = str(Path(name).expanduser().resolve())
-    return values
+    return {**values, "helmet.name": _everywhere(name)} if isinstance(name, str) else values
+
+
+def _everywhere(name_or_path: str) -> str:
+    """A file by its absolute path: workers run in other directories."""
+    if "/" in name_or_path or name_or_path.endswith(".yaml"):
+        return str(Path(name_or_path).expanduser().resolve())
+    return name_or_path
 
 
 def digest(data: Any) -> str:
