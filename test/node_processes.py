@@ -21,6 +21,7 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import SetBool, Trigger
 
+from helmet_sim_ros.cli._processes import _end_with_parent
 from helmet_sim_ros.nodes.environment import prepare_environment
 from helmet_sim_ros.nodes.qos import CRITERIA, LATCHED
 
@@ -35,6 +36,7 @@ class Rig:
         self.processes: dict[str, subprocess.Popen[bytes]] = {}
         self.status: dict[str, dict[str, str]] = {}
         self.criteria: dict[str, DiagnosticArray] = {}
+        self.killed: list[str] = []
         self._nodes = nodes
         self._clients: dict[str, Any] = {}
 
@@ -76,16 +78,21 @@ class Rig:
         if kind is None:
             assert set(codes.values()) <= {0}, codes
 
-    def start(self, name: str, *arguments: str, **parameters: Any) -> None:
-        """Start a node; logs go to the rig's folder."""
-        values = {"output_dir": str(self.folder)} if name == "recorder" else {}
+    def start(self, kind: str, *arguments: str, name: str = "", **parameters: Any) -> None:
+        """Start a node, under another name for this rig if wanted; logs go to the rig's folder."""
+        name = name or kind
+        assert name not in self.processes
+        values = {"output_dir": str(self.folder)} if kind == "recorder" else {}
         flags = []
         for key, value in (values | parameters).items():
             flags += ["-p", f"{key.replace('__', '.')}:={value}"]
-        command = [sys.executable, "-m", f"helmet_sim_ros.nodes.{name}_node"]
+        command = [sys.executable, "-m", f"helmet_sim_ros.nodes.{kind}_node"]
         with open(self._said(name), "w") as file:
             self.processes[name] = subprocess.Popen(
-                [*command, "--ros-args", *flags, *arguments], cwd=self.folder, stderr=file
+                [*command, "--ros-args", *flags, *arguments],
+                cwd=self.folder,
+                stderr=file,
+                preexec_fn=_end_with_parent,
             )
 
     def _said(self, name: str) -> Path:
@@ -94,6 +101,7 @@ class Rig:
     def stop(self, name: str, kind: signal.Signals = signal.SIGINT) -> int:
         """End a node with a signal; its exit code."""
         process = self.processes.pop(name)
+        self.killed += [name] * (kind == signal.SIGKILL)
         if process.poll() is None:
             process.send_signal(kind)
         try:

@@ -235,7 +235,7 @@ def vector(message: Any) -> list[float]:
 
 
 def test_without_any_reader_an_impact_runs_all_the_same(rig: Rig) -> None:
-    rig.start("simulation", "-r", "__ns:=/alone", sim__duration=0.02)
+    rig.start("simulation", "-r", "__ns:=/alone", name="alone", sim__duration=0.02)
     answer = rig.call("/alone/simulation/run_impact")
     assert answer.success and json.loads(answer.message)["samples"] == 401
 
@@ -245,7 +245,7 @@ class Doctored:
 
     def __init__(self, rig: Rig) -> None:
         self.rig = rig
-        rig.start("evaluator", "-r", "__ns:=/doctored")
+        rig.start("evaluator", "-r", "__ns:=/doctored", name="doctored")
         self.publisher = rig.node.create_publisher(
             Float64MultiArray, "/doctored/impact/samples", SAMPLES_WRITER
         )

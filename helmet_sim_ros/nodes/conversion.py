@@ -7,6 +7,7 @@ gravity, x forward, y left, z up; ``helmet`` coincides with it while the couplin
 
 from __future__ import annotations
 
+import math
 from array import array
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -53,6 +54,9 @@ class Channel:
         message.header.frame_id = self.frame
         if self.type is JointState:
             message.name = list(record.joint_names)
+            # Not computed. Left empty, the serialised message would end in stray bytes (Fast CDR
+            # aligns a last, empty sequence of doubles), which strict readers of a log refuse.
+            message.effort = array("d", [math.nan] * len(record.joint_names))
         return message
 
 
@@ -166,8 +170,10 @@ def messages(
 ) -> Iterator[tuple[int, Mapping[str, Any]]]:
     """Every sample of a record as simulation time [ns] and topic -> message.
 
-    The messages are the same objects for every sample: use them before the next one.
+    The messages are the same objects for every sample: use them before the next one. A headform has
+    no joints and so no ``joint_states``.
     """
+    channels = tuple(c for c in channels if c.type is not JointState or record.joint_names)
     filled = {channel.topic: channel.message(record) for channel in channels}
     parts = [
         (channel.fill, filled[channel.topic], channel.values(record).tolist())

@@ -15,7 +15,7 @@ from rclpy.task import Future
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
-from helmet_sim_ros.errors import IncompleteError, LogError, NodeError
+from helmet_sim_ros.errors import HelmetSimError, IncompleteError, LogError, NodeError
 from helmet_sim_ros.mcap_log.blocks import Assembled, Assembler, Block
 from helmet_sim_ros.nodes import samples
 from helmet_sim_ros.nodes.conversion import nanoseconds
@@ -26,8 +26,11 @@ from helmet_sim_ros.nodes.qos import CRITERIA, LATCHED, SAMPLES_READER
 from helmet_sim_ros.nodes.recorder_config import RecorderConfig, check_writable, free_path
 from helmet_sim_ros.schema import leaves
 
-#: How long ``~/finish`` waits for what is still on its way [s].
-FINISH_PATIENCE = 3.0
+#: ``~/finish`` waits for what is still on its way: until nothing is open and no samples came for
+#: ``QUIET``, or something is open but no samples came for ``PATIENCE``; at most ``LONGEST`` [s].
+QUIET = 0.1
+PATIENCE = 3.0
+LONGEST = 60.0
 #: Criteria kept for impacts whose samples have not been written yet.
 CRITERIA_KEPT = 200
 #: How often the node looks whether anybody sends at all [s].
@@ -48,6 +51,7 @@ class RecorderNode(Node):
         self._awaiting: dict[str, Assembled] = {}  # complete, but without criteria so far
         # Criteria by impact; the evaluator may well be ahead of this node.
         self._criteria: OrderedDict[str, Any] = OrderedDict()
+        self._heard = 0.0  # when samples last arrived, wall time
         self._last = {"impact_id": "", "path": "", "impacts": 0}
         self._settings = Parameters(
             self, leaves(RecorderConfig), _configuration,
@@ -75,6 +79,7 @@ class RecorderNode(Node):
     # what arrives
 
     def _receive(self, serialized: bytes) -> None:
+        self._heard = time.monotonic()
         try:
             block = samples.from_message(deserialize_message(serialized, Float64MultiArray))
         except IncompleteError as error:
@@ -82,7 +87,7 @@ class RecorderNode(Node):
             return
         try:
             self._record(block, serialized)
-        except LogError as error:
+        except HelmetSimError as error:
             self._failed(error)
 
     def _record(self, block: Block, serialized: bytes) -> None:
@@ -171,11 +176,15 @@ class RecorderNode(Node):
     async def _finish(self, request: Any) -> str:
         if self._session is None:
             raise NodeError("no log is open")
-        deadline = time.monotonic() + FINISH_PATIENCE
-        while (self._awaiting or self._assembler.pending) and time.monotonic() < deadline:
+        began = self._heard = time.monotonic()
+        while self._on_its_way() and time.monotonic() < began + LONGEST:
             await wait(self, Future(), 0.01)
         self._close_log("the log was finished by a client")
         return json.dumps(self._last)
+
+    def _on_its_way(self) -> bool:
+        still = self._awaiting or self._assembler.pending
+        return time.monotonic() < self._heard + (PATIENCE if still else QUIET)
 
     def _close_log(self, reason: str) -> None:
         """Finish the open file, if any; an impact under way ends there."""
@@ -194,7 +203,7 @@ class RecorderNode(Node):
         self.get_logger().info(f"{path}: {session.impacts} impacts")
         self._tell("finished")
 
-    def _failed(self, error: LogError) -> None:
+    def _failed(self, error: HelmetSimError) -> None:
         """The disk is full or gone: close what there is; the next impact tries a new file."""
         self.get_logger().error(str(error))
         self._assembler.abandon(str(error))
