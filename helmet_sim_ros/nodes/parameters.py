@@ -124,9 +124,6 @@ class Parameters(Generic[T]):
         try:
             if strange:
                 raise self._unknown(strange[0].name, strange[0].value)
-            for name, value in changes.items():
-                if value is None and not self._leaves[name].optional:
-                    raise SetupError.of(name, value, self._leaves[name].allowed)
             if changes:
                 values = self._values | changes
                 self._next = values, self._build(values)
