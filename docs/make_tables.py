@@ -14,10 +14,13 @@ from collections.abc import Callable, Iterable, Sequence
 from io import StringIO
 from pathlib import Path
 
+import click
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rich.console import Console
 
 from helmet_sim_ros import evaluate, simulate
+from helmet_sim_ros.cli import first_line
+from helmet_sim_ros.cli import main as main_command
 from helmet_sim_ros.cli._table import result_table
 from helmet_sim_ros.nodes import qos
 from helmet_sim_ros.nodes.conversion import CHANNELS
@@ -155,8 +158,15 @@ def demo() -> str:
     return "```text\n" + "\n".join(lines).strip("\n") + "\n```\n"
 
 
+def verbs() -> str:
+    """The verbs of the command line, as ``helmet-sim --help`` lists them."""
+    names = main_command.list_commands(click.Context(main_command))
+    return table(("verb", "what it does"), [[f"`{n}`", first_line(n)] for n in names])
+
+
 TABLES: dict[str, Callable[[], str]] = {
     "demo": demo,
+    "verbs": verbs,
     "topics": topics,
     "services": services,
     "impact_parameters": _simulation("impact.", "sim.", "helmet.name", "rider.height",

@@ -41,7 +41,7 @@ class Verbs(click.Group):
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        rows = [(name, _first_line(name)) for name in self.list_commands(ctx)]
+        rows = [(name, first_line(name)) for name in self.list_commands(ctx)]
         with formatter.section("Commands"):
             formatter.write_dl(rows)
 
@@ -53,7 +53,7 @@ class Verbs(click.Group):
             raise kind(str(error)) from error
 
 
-def _first_line(verb: str) -> str:
+def first_line(verb: str) -> str:
     """First docstring line of a verb's module, read without importing it."""
     source = (Path(__file__).parent / f"{verb}.py").read_text(encoding="utf-8")
     return (ast.get_docstring(ast.parse(source)) or "").partition("\n")[0].rstrip(".")
