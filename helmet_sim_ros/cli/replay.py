@@ -1,0 +1,136 @@
+"""Show the impacts of logs in 3-D: as slow-motion video, or live in a window."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+from rich.console import Console
+
+from helmet_sim_ros.cli._logs import FINE, complain, for_each_log, logs_argument
+from helmet_sim_ros.errors import LogError
+
+if TYPE_CHECKING:
+    from helmet_sim_ros.mcap_log import ImpactLog, LoggedImpact
+
+
+@click.command()
+@logs_argument
+@click.option("--output", "-o", type=click.Path(path_type=Path), default=Path("videos"),
+              show_default=True, metavar="DIR", help="Where the videos go.")  # fmt: skip
+@click.option("--impact", "only", multiple=True, metavar="ID|N",
+              help="Only this impact, by id or number, repeatable.")  # fmt: skip
+@click.option("--slow", default=100.0, show_default=True, type=click.FloatRange(1.0, 10000.0),
+              help="How many times slower than the impact.")  # fmt: skip
+@click.option("--size", default="1280x720", show_default=True, metavar="WIDTHxHEIGHT")
+@click.option("--rate", default=30, show_default=True, type=click.IntRange(1, 120),
+              help="Pictures per second.")  # fmt: skip
+@click.option("--close", is_flag=True, help="Look at head and helmet only.")
+@click.option("--azimuth", default=135.0, show_default=True, help="Direction of the view [deg].")
+@click.option("--elevation", default=-12.0, show_default=True, help="Its elevation [deg].")
+@click.option("--live", is_flag=True, help="Show it in MuJoCo's viewer instead.")
+def command(
+    logs: tuple[Path, ...],
+    output: Path,
+    only: tuple[str, ...],
+    size: str,
+    live: bool,
+    **look: Any,
+) -> None:
+    """Render a video of every impact of each LOG: bodies, force arrows, and the pulse as time bar.
+
+    Videos: DIR/LOG_IMPACT.mp4. No screen is needed, except for --live.
+    """
+    width, height = _size(size)
+    if live:
+        if sys.platform == "linux" and not _has_screen():
+            raise click.UsageError(
+                "--live needs a screen: neither DISPLAY nor WAYLAND_DISPLAY is set"
+            )
+    else:
+        from helmet_sim_ros.report.gl import GraphicsError, choose_backend
+
+        try:
+            choose_backend()
+        except GraphicsError as error:
+            raise SystemExit(complain(error)) from error
+    from helmet_sim_ros.cli.export import plain
+    from helmet_sim_ros.report.summary import label
+
+    def show(log: ImpactLog) -> int:
+        for impact in _chosen(log, only):
+            if live:
+                _live(impact, look["slow"])
+                continue
+            from helmet_sim_ros.report.video import VideoOptions, write_video
+
+            path = output / f"{plain(log.path.stem)}_{plain(impact.impact_id)}.mp4"
+            options = VideoOptions(width=width, height=height, **look)
+            count = write_video(impact.record, path, options, label(impact.setup))
+            text = f"{os.path.relpath(path)} ({count} pictures)"
+            Console(highlight=False).print(text, markup=False, soft_wrap=True)
+        return FINE
+
+    raise SystemExit(for_each_log(logs, show))
+
+
+def _chosen(log: ImpactLog, only: tuple[str, ...]) -> list[LoggedImpact]:
+    """Impacts by id or by number from 1.
+
+    Raises:
+        LogError: there is no such impact.
+    """
+    if not only:
+        return list(log)
+    found = []
+    for name in only:
+        matches = [i for k, i in enumerate(log, 1) if name in (i.impact_id, str(k))]
+        if not matches:
+            raise LogError(f"{log.path}: no complete impact {name!r}; it has {len(log)}")
+        found += matches[:1]
+    return found
+
+
+def _size(text: str) -> tuple[int, int]:
+    parts = text.lower().split("x")
+    if len(parts) == 2 and all(part.isdecimal() for part in parts):
+        width, height = map(int, parts)
+        if 64 <= width <= 4096 and 64 <= height <= 4096 and width % 2 == height % 2 == 0:
+            return width, height
+    raise click.UsageError(f"--size {text}: must be WIDTHxHEIGHT, even numbers from 64 to 4096")
+
+
+def _has_screen() -> bool:
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def _live(impact: LoggedImpact, slow: float) -> None:
+    """Play an impact in MuJoCo's viewer, again and again, until its window is closed."""
+    import mujoco.viewer
+    import numpy as np
+
+    from helmet_sim_ros.report.stage import Stage
+
+    record = impact.record
+    stage = Stage(record)
+    scene = stage.scene
+    duration = float(record.time[-1])
+    with mujoco.viewer.launch_passive(
+        scene.model, scene.data, show_left_ui=False, show_right_ui=False
+    ) as viewer:
+        viewer.cam.lookat[:] = record.helmet_position[0]
+        viewer.cam.distance = 2.5
+        began = time.monotonic()
+        while viewer.is_running():
+            now = (time.monotonic() - began) / slow % duration
+            index = int(np.searchsorted(record.time, now))
+            with viewer.lock():
+                scene.pose(record, index)
+                viewer.user_scn.ngeom = 0
+                stage.draw_around(viewer.user_scn, index)
+            viewer.sync()
+            time.sleep(1.0 / 60.0)
