@@ -123,6 +123,19 @@ def test_every_value_of_a_setup_has_its_own_option(helmet_sim):
     assert all(name in text for name in names)
 
 
+def test_a_verb_whose_extra_is_missing_says_which_to_install(helmet_sim, monkeypatch):
+    monkeypatch.setitem(sys.modules, "helmet_sim_ros.cli.up", None)  # ours: a mistake, not an extra
+    assert isinstance(helmet_sim("up").exception, ModuleNotFoundError)
+    monkeypatch.delitem(sys.modules, "helmet_sim_ros.cli.report", raising=False)
+    monkeypatch.setitem(sys.modules, "jinja2", None)
+    for name in [name for name in sys.modules if name.startswith("helmet_sim_ros.report")]:
+        monkeypatch.delitem(sys.modules, name)
+    result = helmet_sim("report", __file__)
+    assert result.exit_code == 1
+    assert "needs jinja2" in result.output
+    assert "[ros,report,study]" in result.output
+
+
 def row(**changes: object) -> dict[str, object]:
     value = {"unit": "g", "limit": 275.0, "verdict": "pass", "window": [0.001, 0.004], "time": None}
     plain = {"peak_g": value | {"value": 123.4}, "hic": value | {"value": 456.7, "unit": "-"}}

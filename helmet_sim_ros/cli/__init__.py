@@ -51,6 +51,13 @@ class Verbs(click.Group):
         except HelmetSimError as error:
             kind = BadInput if isinstance(error, BAD_INPUT) else click.ClickException
             raise kind(str(error)) from error
+        except ModuleNotFoundError as error:
+            if (error.name or __name__).startswith(__package__.partition(".")[0]):
+                raise  # a mistake of ours
+            raise click.ClickException(
+                f"this verb needs {error.name}, which is not installed; the extras bring it: "
+                "pip install 'helmet_sim_ros[ros,report,study]', or in the source tree '.[...]'"
+            ) from error
 
 
 def first_line(verb: str) -> str:
