@@ -118,3 +118,18 @@ def test_channels_must_stay_the_same() -> None:
 def test_what_is_no_block_is_refused(header: str, labels: str, data: list[float]) -> None:
     with pytest.raises(IncompleteError, match="not a block of samples"):
         parse_block(header, labels, data)
+
+
+def test_notes_and_crush_map_arrive_with_the_last_block() -> None:
+    crush, place = np.array([0.1, 1.0 / 3.0]), np.array([[0.0, 0.1, 0.2], [1.0, 2.0, 3.0]])
+    sent = blocks()
+    sent[-1] = replace(
+        sent[-1], extras={"notes": ["hand first"], "crush": crush, "column_position": place}
+    )
+    assembler = Assembler()
+    (impact,) = [impact for block in sent for impact in assembler.feed(travelled(block))]
+    assert impact.record is not None
+    extras = impact.record.extras
+    assert extras["notes"] == ["hand first"]
+    assert np.array_equal(extras["crush"], crush)
+    assert np.array_equal(extras["column_position"], place)

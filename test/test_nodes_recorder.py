@@ -224,6 +224,22 @@ def test_fifty_impacts_in_a_row_lose_nothing(rig: Rig, recorder: Path) -> None:
     assert list(recorder.iterdir()) == [path]
 
 
+def test_a_foam_helmet_leaves_its_crush_map_in_the_log(rig: Rig, recorder: Path) -> None:
+    foam = ImpactSetup(duration=0.01, direction="front", overrides={"helmet.coupling": "foam"})
+    assert rig.set(helmet__coupling="foam", impact__tangential_velocity=0.0) == ""
+    try:
+        impact_id = rig.impact()["impact_id"]
+        assert rig.recorded(impact_id)
+        (logged,) = open_log(finish(rig)).impacts
+    finally:
+        assert rig.set(**parameter_values(SETUP)) == ""
+    expected = simulate(foam)
+    assert same_samples(logged.record, expected)
+    assert logged.record.extras["residual_crush"].max() > 0.01
+    for name in ("crush", "residual_crush", "column_position"):
+        assert np.array_equal(logged.record.extras[name], expected.extras[name])
+
+
 def test_sigint_in_the_middle_of_an_impact_leaves_a_valid_file(rig: Rig, recorder: Path) -> None:
     done = rig.impact()["impact_id"]
     path = rig.recorded(done)

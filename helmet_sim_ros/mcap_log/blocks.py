@@ -28,6 +28,7 @@ class Block:
         data: shape (rows, len(labels)), SI units.
         setup: the impact setup as plain data; in the first block only.
         model: the compiled model as MJCF text; in the first block only.
+        extras: ``ImpactRecord.extras`` (notes, map of residual crush); in the last block only.
         aborted: why the impact ends here, unfinished; such a block has no rows.
     """
 
@@ -39,13 +40,14 @@ class Block:
     data: FloatArray
     setup: Mapping[str, Any] | None = None
     model: str | None = None
+    extras: Mapping[str, Any] | None = None
     aborted: str | None = None
 
     def header(self) -> str:
         """Everything but labels and data, as JSON; values that are None are left out."""
-        names = ("impact_id", "first", "total", "start_time", "setup", "model", "aborted")
+        names = ("impact_id", "first", "total", "start_time", "setup", "model", "extras", "aborted")
         values = {name: getattr(self, name) for name in names}
-        return json.dumps({k: v for k, v in values.items() if v is not None})
+        return json.dumps({k: v for k, v in values.items() if v is not None}, default=_listed)
 
 
 def parse_block(header: str, labels: str, data: Sequence[float] | FloatArray) -> Block:
@@ -123,7 +125,10 @@ class Assembler:
         first = self._blocks[0]
         try:
             record = from_block(
-                list(first.labels), np.concatenate([b.data for b in self._blocks]), first.setup
+                list(first.labels),
+                np.concatenate([b.data for b in self._blocks]),
+                first.setup,
+                _with_arrays(self._blocks[-1].extras or {}),
             )
             uniform_time_step(record.time)
         except PulseError as error:
@@ -139,3 +144,19 @@ class Assembler:
         arrived = last.first if reason == last.aborted else last.first + len(last.data)
         problem = f"incomplete: {reason} (impact {first.impact_id}, {arrived} of {first.total})"
         return Assembled(first.impact_id, first.start_time, first.total, None, problem)
+
+
+def _listed(value: object) -> object:
+    """Arrays as lists, for JSON."""
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    raise TypeError(f"{type(value).__name__} cannot be sent")
+
+
+def _with_arrays(extras: Mapping[str, Any]) -> dict[str, Any]:
+    """Lists of numbers as arrays again; what is not, as it is."""
+    restored = {}
+    for name, value in extras.items():
+        numeric = isinstance(value, list) and value and isinstance(value[0], (float, list))
+        restored[name] = np.array(value, dtype=np.float64) if numeric else value
+    return restored

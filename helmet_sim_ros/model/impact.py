@@ -181,11 +181,12 @@ class Impact:
             joint_positions=q[:, layout.qpos],
             joint_velocities=v[:, layout.qvel],
             setup=MappingProxyType(self.setup.described()),
-            extras=MappingProxyType(self._extras()),
+            extras=MappingProxyType(self.extras()),
         )
 
-    def _extras(self) -> dict[str, Any]:
-        """Notes, and of a foam helmet the crush map so far."""
+    def extras(self) -> dict[str, Any]:
+        """Notes, and of a foam helmet the crush map so far: ``crush`` (largest strain of each
+        column), ``residual_crush`` [m], ``column_position`` (n, 3) [m] in the helmet frame."""
         extras: dict[str, Any] = {"notes": list(self.notes)}
         geometry, foam, _, largest, *_ = self._liner
         if len(geometry):

@@ -147,7 +147,11 @@ class SimulationNode(Node):
                 slice_began = time.monotonic()
                 stepwise = self._control.paused or live.real_time_factor > 0.0
                 last = impact.advance(min(stride, BLOCK) if stepwise else BLOCK)
-                heading = {"setup": described, "model": impact.model_xml()} if done == 0 else {}
+                heading: dict[str, Any] = {}
+                if done == 0:
+                    heading = {"setup": described, "model": impact.model_xml()}
+                if last == impact.total:
+                    heading["extras"] = impact.extras()
                 part = block(done, last, **heading)
                 await outgoing.send(part)
                 shown = part.data[-done % stride :: stride]

@@ -340,7 +340,8 @@ def _numerics(result: Validation) -> str:
     ]  # fmt: skip
     return (
         "## Numerical checks\n\nLargest change [%] of peak g, peak normal force and force ratio "
-        "when the step is halved (oblique 2e-5 s, drops 5e-5 s), and when the columns are doubled:\n\n"
+        "when the step is halved (oblique 2e-5 s, drops 5e-5 s) and when the columns are "
+        "doubled:\n\n"
         + table(("cases", "number", "step halved", "columns doubled"), rows)
         + "\nImpulse balance (change of momentum against the integral of forces) and energy, worst "
         "of 30 cases:\n\n"
