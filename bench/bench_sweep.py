@@ -1,0 +1,238 @@
+"""Cost of studies as ratios measured in one run: overhead, workers, memory, scaling.
+
+    python bench/bench_sweep.py [overhead] [workers] [memory] [scaling] [--plot FILE]
+
+Without names: all of them, some minutes. CPU times are of one process; wall times are medians of
+interleaved rounds, so that other load on the machine hits both sides of a ratio.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import statistics
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import psutil
+
+from helmet_sim_ros import ImpactSetup, evaluate, simulate
+from helmet_sim_ros.model.impact import Impact
+from helmet_sim_ros.study import sweep, worker
+from helmet_sim_ros.study.engine import Chunk, Engine, open_engine
+from helmet_sim_ros.study.study import Study, StudyFile, build_study
+from helmet_sim_ros.study.worker import Job
+
+IMPACTS = 1000
+ROUNDS = 5
+LONG_RUN = 10_000
+JOB = Job("ece_r22_05", ("peak_g", "hic"))
+
+
+def study(count: int, coupling: str, **common: Any) -> Study:
+    """Rider impacts whose speed, friction and rider differ from one to the next."""
+    file = StudyFile(
+        common={"helmet.coupling": coupling, **common},
+        draw={
+            "method": "random",
+            "count": count,
+            "values": {
+                "impact.normal_velocity": {"uniform": [4.0, 8.0]},
+                "impact.friction": {"uniform": [0.2, 0.6]},
+            },
+            "population": {"name": "ansur_ii"},
+        },
+    )
+    return build_study(file, Path("bench"))
+
+
+def overhead() -> None:
+    """CPU time of a whole sweep in one process, and what it was spent on."""
+    print(f"a study of {IMPACTS} impacts in one process, CPU time")
+    for coupling in ("spring", "foam"):
+        plan = study(IMPACTS, coupling)
+        simulate(ImpactSetup(overrides=plan.row(0).values))
+        with tempfile.TemporaryDirectory() as folder, timed() as spent:
+            start = time.process_time()
+            sweep(plan, folder, workers=0)
+            whole = time.process_time() - start
+        run = spent["run_row"]
+        stepping, evaluating = spent["advance"], spent["evaluate"]
+        print(f"  {coupling}: {whole / IMPACTS * 1e3:.2f} ms per impact")
+        for name, seconds in (
+            ("stepping", stepping),
+            ("setup, model and record", run - stepping - evaluating),
+            ("all criteria", evaluating),
+            ("study: rows, files, bookkeeping", whole - run),
+        ):
+            print(f"    {name:<34} {seconds / IMPACTS * 1e3:7.2f} ms {seconds / whole:7.1%}")
+        print(f"    everything but stepping / stepping {whole / stepping - 1.0:7.1%}")
+        print(f"    study / (simulate and evaluate)    {whole / run - 1.0:7.1%}")
+
+
+@contextlib.contextmanager
+def timed() -> Iterator[Counter[str]]:
+    """CPU seconds spent in stepping, evaluation and whole rows while it is open."""
+    import helmet_sim_ros.biomech.evaluation as evaluation
+
+    spent: Counter[str] = Counter()
+
+    def watch(owner: Any, name: str) -> Callable[[], None]:
+        inner = getattr(owner, name)
+
+        def timed_call(*args: Any, **kwargs: Any) -> Any:
+            start = time.process_time()
+            try:
+                return inner(*args, **kwargs)
+            finally:
+                spent[name] += time.process_time() - start
+
+        setattr(owner, name, timed_call)
+        return lambda: setattr(owner, name, inner)
+
+    undo = [watch(Impact, "advance"), watch(evaluation, "evaluate"), watch(worker, "run_row")]
+    try:
+        yield spent
+    finally:
+        for restore in undo:
+            restore()
+
+
+def workers() -> None:
+    """Wall time with two workers over one, rounds interleaved."""
+    plan = study(400, "foam")
+    chunks = [
+        Chunk(i, tuple(plan.row(j).values for j in range(i, i + 20))) for i in range(0, 400, 20)
+    ]
+    with open_engine(1) as one, open_engine(2) as two:
+        for engine in (one, two):
+            wall(engine, chunks)  # compiled code is loaded, clocks are up
+        times = [(wall(one, chunks), wall(two, chunks)) for _ in range(ROUNDS)]
+    ratios = [a / b for a, b in times]
+    load = psutil.getloadavg()[0]
+    print(f"two workers over one, {len(chunks) * 20} foam impacts, {ROUNDS} rounds")
+    print(f"  one {statistics.median(a for a, _ in times):.2f} s, "
+          f"two {statistics.median(b for _, b in times):.2f} s")  # fmt: skip
+    print(f"  speed-up, median {statistics.median(ratios):.2f}, best {max(ratios):.2f}, "
+          f"worst {min(ratios):.2f}; load of the machine {load:.1f} on "
+          f"{psutil.cpu_count()} cores")  # fmt: skip
+
+
+def wall(engine: Engine, chunks: list[Chunk]) -> float:
+    """Seconds for all chunks."""
+    start = time.perf_counter()
+    for _ in engine.run(JOB, chunks):
+        pass
+    return time.perf_counter() - start
+
+
+def memory() -> None:
+    """Memory of a worker over many impacts, each with a rider and helmet of its own."""
+    print(f"memory of one worker over {LONG_RUN} impacts [MB]: resident, of these its own")
+    plan = study(LONG_RUN, "foam", **{"sim.duration": 0.008})
+    with open_engine(1) as engine:
+        client = engine._client  # type: ignore[attr-defined]
+        (pid,) = set(client.run(_pid).values())
+        process = psutil.Process(pid)
+        marks = [0, 100, 1000, 2500, 5000, 7500, LONG_RUN]
+        for first, last in zip([0, *marks], marks, strict=False):
+            rows = [plan.row(i).values for i in range(first, last)]
+            for _ in engine.run(JOB, (Chunk(i, tuple(rows[i : i + 50]))
+                                      for i in range(0, len(rows), 50))):  # fmt: skip
+                pass
+            info = process.memory_full_info()
+            print(f"  {last:>6} impacts {info.rss / 1e6:8.0f} {info.uss / 1e6:8.0f}")
+
+
+def _pid() -> int:
+    import os
+
+    return os.getpid()
+
+
+def scaling(plot: Path | None) -> None:
+    """CPU time per impact over columns, duration, rate and contacts."""
+    foam = {"helmet.coupling": "foam"}
+    cases: dict[str, tuple[str, list[tuple[float, dict[str, Any]]]]] = {
+        "foam columns": (
+            "columns",
+            [(n, {**foam, "helmet.liner.columns": n}) for n in (100, 300, 600, 1200, 2400, 4800)],
+        ),
+        "duration": ("ms", [(t, {"sim.duration": t * 1e-3}) for t in (10, 20, 40, 80, 160)]),
+        "sampling rate": (
+            "kHz",
+            [(1e-3 / step, {"sim.time_step": step}) for step in (1e-5, 2e-5, 5e-5, 1e-4, 2e-4)],
+        ),
+        "contact shapes": (
+            "shapes",
+            [
+                (shapes(values), values)
+                for values in (
+                    {"impact.rig": "headform"},
+                    {"impact.rig": "rider"},
+                )
+            ],
+        ),
+    }
+    found = {
+        name: (unit, [(x, cost(v)) for x, v in points]) for name, (unit, points) in cases.items()
+    }
+    print("CPU time of one impact, simulated and evaluated [ms]; spring unless it says foam")
+    for name, (unit, points) in found.items():
+        print(f"  {name:<15}" + ", ".join(f"{x:g} {unit}: {ms:.1f}" for x, ms in points))
+    if plot is not None:
+        _plot(plot, found)
+        print(f"plot: {plot}")
+
+
+def cost(values: dict[str, Any]) -> float:
+    """CPU time of one impact [ms], median."""
+    setup = ImpactSetup(normal_velocity=6.0, tangential_velocity=5.0, overrides=values)
+    evaluate(simulate(setup))
+    times = []
+    for _ in range(15):
+        start = time.process_time()
+        evaluate(simulate(setup))
+        times.append(time.process_time() - start)
+    return statistics.median(times) * 1e3
+
+
+def shapes(values: dict[str, Any]) -> int:
+    """How many shapes may touch the ground."""
+    return len(Impact(ImpactSetup(overrides=values)).shapes.body)
+
+
+def _plot(path: Path, found: dict[str, tuple[str, list[tuple[float, float]]]]) -> None:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(11.0, 3.0), layout="constrained")
+    for axis, (name, (unit, points)) in zip(
+        figure.subplots(1, len(found)), found.items(), strict=True
+    ):
+        axis.plot(*zip(*points, strict=True), "o-")
+        axis.set(xlabel=f"{name} [{unit}]", ylim=(0.0, None))
+        axis.grid(alpha=0.3)
+    figure.axes[0].set_ylabel("CPU time per impact [ms]")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=120)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    names = ("overhead", "workers", "memory", "scaling")
+    parser.add_argument("names", nargs="*", choices=[*names, []], help="default: all")
+    parser.add_argument("--plot", type=Path, help="where the plot of the scaling goes")
+    options = parser.parse_args()
+    for name in options.names or names:
+        if name == "scaling":
+            scaling(options.plot)
+        else:
+            globals()[name]()
+
+
+if __name__ == "__main__":
+    main()
