@@ -22,6 +22,7 @@ from helmet_sim_ros.biomech.record import ImpactRecord
 from helmet_sim_ros.biomech.result import Criterion, Evaluation
 from helmet_sim_ros.errors import LogError
 from helmet_sim_ros.mcap_log import ImpactLog
+from helmet_sim_ros.report.crush import crush_panel
 from helmet_sim_ros.report.replay_data import packed, replay_data
 from helmet_sim_ros.report.review import Reviewed, review
 from helmet_sim_ros.report.summary import common, labels, shown, varying
@@ -160,7 +161,8 @@ def _impact(
         "tiles": [_tile(evaluation.criteria[n]) for n in HEADLINE if n in evaluation.criteria],
         "criteria": [_criterion(criterion) for criterion in evaluation.criteria.values()],
         "setup": _setup_rows({n: setup.get(n) for n in different}),
-        "panels": _panels(record),
+        "panels": [*_panels(record), *filter(None, [crush_panel(record)])],
+        "notes": [str(note) for note in record.extras.get("notes", ())],
         "replay": not problem,
         "replay_problem": problem,
         "data": _script_json(data),
