@@ -29,6 +29,7 @@ STUDY = [
 REPORT = [
     "imageio-ffmpeg>=0.5",
     "jinja2",
+    "markupsafe",
     "matplotlib",
     "pandas>=2",
     "pillow",
@@ -55,6 +56,7 @@ EXTRAS = {
         "pytest>=8",
         "pytest-timeout",
         "ruff",
+        "selenium>=4.10",
         "types-PyYAML",
         "wheel",
     ],
