@@ -31,6 +31,8 @@ from helmet_sim_ros.schema import leaves
 QUIET = 0.1
 PATIENCE = 3.0
 LONGEST = 60.0
+#: How long after its start this node may not yet know of an evaluator that runs [s].
+DISCOVERY = 3.0
 #: Criteria kept for impacts whose samples have not been written yet.
 CRITERIA_KEPT = 200
 #: How often the node looks whether anybody sends at all [s].
@@ -51,6 +53,7 @@ class RecorderNode(Node):
         self._awaiting: dict[str, Assembled] = {}  # complete, but without criteria so far
         # Criteria by impact; the evaluator may well be ahead of this node.
         self._criteria: OrderedDict[str, Any] = OrderedDict()
+        self._started = time.monotonic()
         self._heard = 0.0  # when samples last arrived, wall time
         self._last = {"impact_id": "", "path": "", "impacts": 0}
         self._settings = Parameters(
@@ -152,7 +155,7 @@ class RecorderNode(Node):
         """Write criteria that have arrived, and tell which impacts are done with."""
         for impact_id in list(self._awaiting):
             message = self._criteria.pop(impact_id, None)
-            if message is None and self.count_publishers(CRITERIA_TOPIC):
+            if message is None and self._evaluator_expected():
                 continue
             del self._awaiting[impact_id]
             if self._session is None:
@@ -164,6 +167,11 @@ class RecorderNode(Node):
         settled = not self._awaiting and not self._assembler.pending
         if self._session and settled and self._full(self._session):
             self._close_log("")
+
+    def _evaluator_expected(self) -> bool:
+        """Whether criteria may still come: an evaluator is there, or may not yet be discovered."""
+        young = time.monotonic() < self._started + DISCOVERY
+        return young or self.count_publishers(CRITERIA_TOPIC) > 0
 
     def _full(self, session: LogSession) -> bool:
         config = self._settings.value
