@@ -107,7 +107,7 @@ class _Plan:
         complete: ids of the complete impacts.
         first: first block of the last complete impact.
         last: number of the record that completes it; later ones belong to what is lost.
-        noted: impacts that have a metadata record.
+        noted: impacts that have a metadata record, and whether it says that they are complete.
         samples, criteria: ids of their channels.
         lost: what is lost, in words.
     """
@@ -115,7 +115,7 @@ class _Plan:
     complete: set[str] = field(default_factory=set)
     first: Block | None = None
     last: int = -1
-    noted: set[str] = field(default_factory=set)
+    noted: dict[str, bool] = field(default_factory=dict)
     has_run: bool = False
     samples: set[int] = field(default_factory=set)
     criteria: set[int] = field(default_factory=set)
@@ -199,7 +199,9 @@ def _plan(stream: IO[bytes], path: Path) -> _Plan:
             plan.criteria = set(decoder.channels(CRITERIA_TOPIC, CRITERIA_TYPE))
         elif isinstance(record, Metadata):
             plan.has_run |= record.name == RUN
-            plan.noted.add(record.name.removeprefix(IMPACT))
+            if record.name.startswith(IMPACT):
+                complete = record.metadata.get("complete") == "true"
+                plan.noted[record.name.removeprefix(IMPACT)] = complete
         elif isinstance(record, Message) and record.channel_id in plan.samples:
             block = _block(decoder, record, path)
             if block.first == 0:
@@ -220,6 +222,9 @@ def _plan(stream: IO[bytes], path: Path) -> _Plan:
             sound.problems.append("the index at the end of the file is damaged")
     if not sound.problems:
         raise LogError(f"{path}: is finished and sound, there is nothing to recover")
+    for impact_id, complete in plan.noted.items():
+        if complete and impact_id not in plan.complete:
+            plan.lost.append(f"impact {impact_id}: its samples are damaged")
     plan.lost += sound.problems
     if not plan.complete:
         what = "; ".join(plan.lost) or "no samples were written"
@@ -307,7 +312,10 @@ class _Copier:
             if not keep:
                 return
             if values.get("complete") == "true":  # it was, but samples of it are damaged
-                values |= {"complete": "false", "problem": f"impact {impact} is damaged"}
+                values |= {
+                    "complete": "false",
+                    "problem": f"impact {impact}: its samples are damaged",
+                }
         self._writer.flush()  # type: ignore[no-untyped-call] # stays behind what was before it
         self._writer.add_metadata(record.name, values)
 
