@@ -152,9 +152,17 @@ def test_the_crash_of_one_node_is_told_and_ends_the_others(start, tmp_path):
     assert not any(map(alive, nodes))
 
 
-def test_nodes_do_not_outlive_a_killed_command(start, tmp_path):
+@pytest.mark.parametrize("when", ["starting", "serving"])
+def test_nodes_do_not_outlive_a_killed_command(start, when):
     process = start("up")
     nodes = wait_until(lambda: len(found := children(process.pid)) == 4 and found)
+    if when == "serving":
+        with ros_client() as node:
+            from std_srvs.srv import Trigger
+
+            for name in ("simulation/cancel", "evaluator/last_result", "recorder/finish",
+                         "scenario/run"):  # fmt: skip
+                wait_for_service(node, node.create_client(Trigger, name), 60)
     process.kill()
     process.wait()
     wait_until(lambda: not any(map(alive, nodes)), 30.0)

@@ -21,9 +21,8 @@ from helmet_sim_ros.errors import NodeError
 
 NODES = ("simulation", "evaluator", "recorder", "scenario")
 
-#: How long a node may take after SIGINT, then after SIGTERM, before it is killed [s]. A recorder
-#: finishes its log after SIGINT.
-PATIENCE = (10.0, 3.0)
+#: How long a node may take after SIGTERM before it is killed [s]; a recorder finishes its log.
+PATIENCE = 10.0
 
 
 @contextmanager
@@ -90,11 +89,13 @@ class NodeProcesses:
                 )
 
     def stop(self) -> None:
-        """End every node: SIGINT, then SIGTERM, then SIGKILL; safe to call again."""
+        """End every node: SIGTERM, then SIGKILL; safe to call again.
+
+        Not SIGINT: Python catches that before the node does, and may lose it while it starts.
+        """
         try:
-            for kind, patience in zip((signal.SIGINT, signal.SIGTERM), PATIENCE, strict=True):
-                self._signal(kind)
-                self._wait(patience)
+            self._signal(signal.SIGTERM)
+            self._wait(PATIENCE)
         finally:  # also when the user presses Ctrl-C once more
             self._signal(signal.SIGKILL)
             self._wait(None)
@@ -142,5 +143,5 @@ class NodeProcesses:
 
 
 def _end_with_parent() -> None:
-    """Have the kernel interrupt this process when its parent dies, even by SIGKILL."""
-    ctypes.CDLL(None).prctl(1, signal.SIGINT)  # 1: PR_SET_PDEATHSIG
+    """Have the kernel end this process when its parent dies, even by SIGKILL."""
+    ctypes.CDLL(None).prctl(1, signal.SIGTERM)  # 1: PR_SET_PDEATHSIG
