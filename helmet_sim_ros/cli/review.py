@@ -68,7 +68,8 @@ def _show_log(console: Console, log: ImpactLog, rows: list[Reviewed], full_setup
         console.print(text, style=style, markup=False, soft_wrap=True)
 
     incomplete = f", {len(log.problems)} incomplete" if log.problems else ""
-    say(f"{os.path.relpath(log.path)}: {len(rows)} complete impacts{incomplete}", "bold")
+    number = f"{len(rows)} complete impact{'s' * (len(rows) != 1)}"
+    say(f"{os.path.relpath(log.path)}: {number}{incomplete}", "bold")
     run = log.run
     made = [run.get("scenario", ""), run.get("started", ""), log.library]
     say("  recorded: " + ", ".join(filter(None, made)))
