@@ -38,11 +38,19 @@ YIELD, MODULUS, GAS, LIMIT, RETURNED = range(5)
 
 def foam_row(density: float, energy_returned: float) -> FloatArray:
     """Constants of EPS of a density [kg/m^3], shape (5,)."""
+    return foam_rows(np.array([density]), energy_returned)[0]
+
+
+def foam_rows(density: FloatArray, energy_returned: float) -> FloatArray:
+    """Constants of EPS of each density, shape (n,) [kg/m^3]; shape (n, 5)."""
     scale = (density / 40.0) ** YIELD_EXPONENT
-    limit = 1.0 - density / SOLID_DENSITY
-    return np.array(
-        [YIELD_AT_40 * scale, MODULUS_AT_40 * scale, GAS_PRESSURE, limit, energy_returned]
-    )
+    rows = np.empty((len(density), 5))
+    rows[:, YIELD] = YIELD_AT_40 * scale
+    rows[:, MODULUS] = MODULUS_AT_40 * scale
+    rows[:, GAS] = GAS_PRESSURE
+    rows[:, LIMIT] = 1.0 - density / SOLID_DENSITY
+    rows[:, RETURNED] = energy_returned
+    return rows
 
 
 def bottoming_strain(foam: FloatArray) -> float:
@@ -89,6 +97,15 @@ def residual_strain(largest: float, foam: FloatArray) -> float:
         2.0 * foam[RETURNED] * loading_energy(largest, foam) / loading_stress(largest, foam)
     )
     return max(0.0, largest - width)
+
+
+@njit(cache=True, nogil=True)
+def residual_strains(largest: FloatArray, foam: FloatArray) -> FloatArray:
+    """:func:`residual_strain` of each column, shape (n,), of the strains (n,) and rows (n, 5)."""
+    rest = np.empty(len(largest))
+    for i in range(len(largest)):
+        rest[i] = residual_strain(largest[i], foam[i])
+    return rest
 
 
 @njit(cache=True, nogil=True)

@@ -18,7 +18,7 @@ from helmet_sim_ros.biomech.record import (
 )
 from helmet_sim_ros.errors import DivergedError, PulseError
 from helmet_sim_ros.model import coupling
-from helmet_sim_ros.model.foam import residual_strain
+from helmet_sim_ros.model.foam import residual_strains
 from helmet_sim_ros.model.liner import POINT, THICKNESS, crush_depth
 from helmet_sim_ros.model.loop import advance
 from helmet_sim_ros.model.setup import ImpactSetup
@@ -192,10 +192,7 @@ class Impact:
         if len(geometry):
             extras |= {
                 "crush": largest.copy(),
-                "residual_crush": np.array(
-                    [residual_strain(e, row) for e, row in zip(largest, foam, strict=True)]
-                )
-                * geometry[:, THICKNESS],
+                "residual_crush": residual_strains(largest, foam) * geometry[:, THICKNESS],
                 "column_position": geometry[:, POINT : POINT + 3].copy(),
             }
         return extras

@@ -22,7 +22,7 @@ from numba import njit
 
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.model.contact import RELAXATION, add_force, friction_force
-from helmet_sim_ros.model.foam import MODULUS, foam_row, foam_stress, mean_over_point
+from helmet_sim_ros.model.foam import MODULUS, foam_rows, foam_stress, mean_over_point
 from helmet_sim_ros.model.helmet import Helmet, Liner, Shell
 
 POISSON = 0.1  # EPS (general literature value): G = E / (2 (1 + nu))
@@ -82,7 +82,7 @@ def columns(helmet: Helmet) -> Columns:
     geometry = np.column_stack(
         [point + np.array(helmet.shell.center), normal, area, thickness, radius]
     )
-    foam = np.array([foam_row(rho, liner.energy_returned) for rho in density])
+    foam = foam_rows(density, liner.energy_returned)
     inner = axes.mean() - thickness.mean()
     padding = np.array(
         [liner.head_friction, liner.padding_stiffness, liner.padding_relaxation, inner]
