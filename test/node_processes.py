@@ -15,6 +15,7 @@ from typing import Any
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from domains import claim_domain
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter, parameter_value_to_python
@@ -25,7 +26,7 @@ from helmet_sim_ros.cli._processes import _end_with_parent
 from helmet_sim_ros.nodes.environment import prepare_environment
 from helmet_sim_ros.nodes.qos import CRITERIA, LATCHED
 
-DOMAIN = 1 + (os.getpid() * 7) % 90
+DOMAIN = claim_domain()
 
 
 class Rig:

@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from domains import claim_domain
 
 ROOT = Path(__file__).resolve().parents[1]
 COLCON = Path(sys.executable).with_name("colcon")
@@ -39,25 +40,26 @@ def install(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
     return build(tmp_path_factory, *request.param)
 
 
-def sourced(install: Path, command: str, **options: object) -> subprocess.Popen[str]:
+def sourced(install: Path, command: str, domain: int = 0) -> subprocess.Popen[str]:
     """Start a command in a shell that sourced the workspace, isolated from any other."""
     environment = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
     environment |= {
         "PATH": f"{COLCON.parent}:{os.environ['PATH']}",
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-        "ROS_DOMAIN_ID": "93",
+        "ROS_DOMAIN_ID": str(domain),
     }
     return subprocess.Popen(
         ["bash", "-c", f". '{install}/setup.bash' && exec {command}"],
         env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-        cwd=install, start_new_session=True, **options,
+        cwd=install, start_new_session=True,
     )  # fmt: skip
 
 
 def test_every_executable_starts_from_the_workspace_and_ends_on_sigint(install: Path):
     """A node is up when its own parameter service is there, as another process sees it."""
     folder = install / "helmet_sim_ros" / "lib" / "helmet_sim_ros"
-    started = {node: sourced(install, str(folder / f"{node}_node")) for node in NODES}
+    domain = claim_domain()
+    started = {node: sourced(install, str(folder / f"{node}_node"), domain) for node in NODES}
     try:
         watch = sourced(
             install,
@@ -69,18 +71,20 @@ def test_every_executable_starts_from_the_workspace_and_ends_on_sigint(install: 
             "    if not missing: break\n"
             "    rclpy.spin_once(n, timeout_sec=0.05)\n"
             'print(sorted(missing))"' % (NODES,),
+            domain,
         )
         said, _ = watch.communicate(timeout=90)
-        assert said.strip().splitlines()[-1] == "[]"
+        assert said.strip().splitlines()[-1] == "[]", said
+        for process in started.values():
+            process.send_signal(signal.SIGINT)
         for node, process in started.items():
-            assert process.poll() is None, f"{node}: {process.stdout.read()}"
+            said, _ = process.communicate(timeout=30)
+            assert process.returncode == 0, f"{node}: {said}"
     finally:
         for process in started.values():
             if process.poll() is None:
-                os.killpg(process.pid, signal.SIGINT)
-    for node, process in started.items():
-        said, _ = process.communicate(timeout=30)
-        assert process.returncode == 0, f"{node}: {said}"
+                os.killpg(process.pid, signal.SIGKILL)
+                process.communicate()
 
 
 def test_the_workspace_brings_its_own_configuration_and_command(install: Path):

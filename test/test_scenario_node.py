@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from domains import claim_domain
 
 pytest.importorskip("rclpy", reason="no ROS 2 Python client is installed")
 
@@ -24,7 +25,7 @@ from helmet_sim_ros.cli._client import call, ros_client, wait_for_service
 from helmet_sim_ros.model.impact import simulate
 from helmet_sim_ros.study import load_scenario
 
-DOMAIN = 1 + os.getpid() % 90
+DOMAIN = claim_domain()
 HELMET_SIM = [sys.executable, "-m", "helmet_sim_ros"]
 MAGIC = b"\x89MCAP0\r\n"
 
