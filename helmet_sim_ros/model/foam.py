@@ -38,7 +38,8 @@ YIELD, MODULUS, GAS, LIMIT, RETURNED = range(5)
 
 def foam_row(density: float, energy_returned: float) -> FloatArray:
     """Constants of EPS of a density [kg/m^3], shape (5,)."""
-    return foam_rows(np.array([density]), energy_returned)[0]
+    row: FloatArray = foam_rows(np.array([density]), energy_returned)[0]
+    return row
 
 
 def foam_rows(density: FloatArray, energy_returned: float) -> FloatArray:

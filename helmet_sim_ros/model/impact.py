@@ -147,15 +147,17 @@ class Impact:
         layout, rider = self._layout, self.setup.rig == "rider"
         orientation = layout.read(sensors, "head_orientation")[:, [1, 2, 3, 0]]
         position = layout.read(sensors, "head_position")
-        turn = Rotation.from_quat(orientation)
-        helmet = Rotation.from_quat(layout.read(sensors, "helmet_orientation")[:, [1, 2, 3, 0]])
+        helmet_orientation = layout.read(sensors, "helmet_orientation")[:, [1, 2, 3, 0]]
+        turn = Rotation.from_quat(orientation).as_matrix()
         if layout.slides[0] >= 0:
             displacement = q[:, layout.slides[0] : layout.slides[0] + 3]
             shell, force = position + _turned(turn, displacement), -spring_rows
         else:  # the crushed liner, in the same sense: the ground pushes the shell upwards
-            depth = crush_depth(self.setup.helmet_config.shell, position, helmet.as_matrix())
-            displacement = _turned(turn.inv(), np.array([[0.0, 0.0, 1.0]])) * depth[:, None]
-            shell, force = position, _turned(turn.inv(), ground[:, 0, :3])
+            helmet = Rotation.from_quat(helmet_orientation).as_matrix()
+            depth = crush_depth(self.setup.helmet_config.shell, position, helmet)
+            back = turn.transpose(0, 2, 1)
+            displacement = _turned(back, np.array([[0.0, 0.0, 1.0]])) * depth[:, None]
+            shell, force = position, _turned(back, ground[:, 0, :3])
         gravity = np.array([0.0, 0.0, -self.setup.gravity])
         zeros = np.zeros((len(q), 3))
         return ImpactRecord(
@@ -168,7 +170,7 @@ class Impact:
             head_position=position,
             head_orientation=orientation,
             helmet_position=shell,
-            helmet_orientation=helmet.as_quat(),
+            helmet_orientation=helmet_orientation,
             ground_force=ground[:, 0, :3],
             ground_torque=ground[:, 0, 3:],
             coupling_force=force,
@@ -198,10 +200,10 @@ class Impact:
         return extras
 
 
-def _turned(turn: Rotation, vectors: FloatArray) -> FloatArray:
+def _turned(matrices: FloatArray, vectors: FloatArray) -> FloatArray:
     """Rotated vectors, shape (n, 3), term by term: a sample has the same bits in a slice of any
     length (``Rotation.apply`` sums a single row in another order)."""
-    m = turn.as_matrix()
+    m = matrices
     x, y, z = (vectors[:, i : i + 1] for i in range(3))
     turned: FloatArray = m[:, :, 0] * x + m[:, :, 1] * y + m[:, :, 2] * z
     return turned
