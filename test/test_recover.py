@@ -102,6 +102,9 @@ def test_every_cut_of_a_file_keeps_what_is_complete(tmp_path):
         assert len(log) == result.impacts == complete
         assert all(same_samples(i.record, r) for i, r in zip(log, records, strict=False))
         assert all(i.setup == r.setup and i.model for i, r in zip(log, records, strict=False))
+        with open(target, "rb") as stream:
+            written = sum(1 for _ in make_reader(stream).iter_messages("/head/acceleration"))
+        assert written == sum(len(record) for record in records[:complete])
         assert result.lost and json.loads(log.metadata["recovered"]["lost"]) == list(result.lost)
 
 

@@ -20,7 +20,7 @@ from logs import write_log
 from helmet_sim_ros import ImpactSetup, open_log
 from helmet_sim_ros.biomech.pulse import magnitude
 from helmet_sim_ros.cli import main
-from helmet_sim_ros.report.html import report_page
+from helmet_sim_ros.report.html import _script_json, report_page
 from helmet_sim_ros.report.svg import ticks
 from helmet_sim_ros.study import load_reference, load_scenario
 
@@ -125,6 +125,12 @@ def test_nothing_in_a_log_becomes_markup(tmp_path):
     html = report_page([log])
     assert "<script>alert" not in html and "<img" not in html
     assert "&lt;script&gt;alert(1)" in html
+
+
+def test_data_cannot_end_its_script_element():
+    text = str(_script_json({"a": "</script><!-- & -->"}))
+    assert not set("<>&") & set(text)
+    assert json.loads(text) == {"a": "</script><!-- & -->"}
 
 
 def test_a_long_record_is_thinned_out_and_says_so(tmp_path):
