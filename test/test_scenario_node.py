@@ -105,6 +105,16 @@ def node_named(pids: list[int], name: str) -> int:
     return 0
 
 
+def wait_until_up() -> None:
+    """Until each of the four nodes serves."""
+    with ros_client() as node:
+        from std_srvs.srv import Trigger
+
+        for name in ("simulation/cancel", "evaluator/last_result", "recorder/finish",
+                     "scenario/run"):  # fmt: skip
+            wait_for_service(node, node.create_client(Trigger, name), 60)
+
+
 def recording(folder: Path) -> bool:
     return any(folder.glob("*.part"))
 
@@ -158,12 +168,7 @@ def test_nodes_do_not_outlive_a_killed_command(start, when):
     process = start("up")
     nodes = wait_until(lambda: len(found := children(process.pid)) == 4 and found)
     if when == "serving":
-        with ros_client() as node:
-            from std_srvs.srv import Trigger
-
-            for name in ("simulation/cancel", "evaluator/last_result", "recorder/finish",
-                         "scenario/run"):  # fmt: skip
-                wait_for_service(node, node.create_client(Trigger, name), 60)
+        wait_until_up()
     process.kill()
     process.wait()
     wait_until(lambda: not any(map(alive, nodes)), 30.0)
@@ -172,6 +177,7 @@ def test_nodes_do_not_outlive_a_killed_command(start, when):
 def test_up_serves_impacts_and_scenarios_until_ctrl_c(start, tmp_path):
     """One set of nodes for all that a client may ask of them."""
     up = start("up")
+    wait_until_up()
 
     impact = start(
         "call", "impact", "--rig", "headform", "--normal-velocity", "3", "--duration", "0.02",

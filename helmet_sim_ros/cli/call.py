@@ -19,6 +19,9 @@ from helmet_sim_ros.schema import Leaf
 from helmet_sim_ros.study.overrides import parse_overrides
 from helmet_sim_ros.study.scenario import flatten
 
+#: How long a running simulation may take to be found [s].
+FIND_TIMEOUT = 10.0
+
 
 @click.group()
 def command() -> None:
@@ -81,7 +84,7 @@ def impact(
         change = node.create_client(SetParametersAtomically, f"{prefix}/set_parameters_atomically")
         run = node.create_client(Trigger, f"{prefix}/run_impact")
         for client in (change, run):
-            wait_for_service(node, client, min(timeout, 5.0))
+            wait_for_service(node, client, min(timeout, FIND_TIMEOUT))
         if values:
             request = SetParametersAtomically.Request(
                 parameters=[Parameter(k, value=v).to_parameter_msg() for k, v in values.items()]
