@@ -31,6 +31,9 @@ SETUPS = [
     ImpactSetup(duration=0.01, normal_velocity=3.0, direction="top"),
 ]
 
+#: Several chunks per impact.
+LONG = {"duration": 0.02, "time_step": 2e-5}
+
 
 def test_killed_at_random_instants_every_finished_impact_is_saved(tmp_path):
     """A process writes impact after impact, tells of each that is done, and gets SIGKILL."""
@@ -77,7 +80,7 @@ def test_killed_at_random_instants_every_finished_impact_is_saved(tmp_path):
 def test_every_cut_of_a_file_keeps_what_is_complete(tmp_path):
     """Cut between any two bytes around what the recorder writes when an impact ends."""
     path = tmp_path / "whole.mcap"
-    records = write_log(path, SETUPS)
+    records = write_log(path, [setup.replaced(LONG) for setup in SETUPS[:2]])
     data = path.read_bytes()
     impacts = open_log(path)
     notes = [entry.offset for entry in impacts._source.metadata_index if "impact/" in entry.name]
@@ -85,9 +88,9 @@ def test_every_cut_of_a_file_keeps_what_is_complete(tmp_path):
         chunks = make_reader(stream).get_summary().chunk_indexes
     chunk_ends = [chunk.chunk_start_offset + chunk.chunk_length for chunk in chunks]
     ends = [max(end for end in chunk_ends if end <= note) for note in notes]
-    cuts = {end + d for end in (*ends, *notes) for d in (-300, -40, -1, 0, 1, 9, 30, 400, 6000)}
+    cuts = {end + d for end in (*ends, *notes) for d in (-1, 0, 400)}
     part = tmp_path / "cut.mcap.part"
-    for cut in sorted(cuts | set(range(0, len(data), len(data) // 12))):
+    for cut in sorted(cuts | set(range(0, len(data), len(data) // 6))):
         part.write_bytes(data[:cut])
         complete = sum(cut >= end for end in ends)
         target = recovered_path(part)
@@ -126,8 +129,7 @@ def test_damage_in_the_middle_costs_only_the_impact_that_it_hits(tmp_path):
 
 
 def test_a_bag_that_was_cut_off_is_recovered_too(tmp_path):
-    long = {"duration": 0.04, "time_step": 2e-5}  # several chunks per impact
-    records = write_bag(tmp_path / "bag", [setup.replaced(long) for setup in SETUPS])
+    records = write_bag(tmp_path / "bag", [setup.replaced(LONG) for setup in SETUPS])
     (file,) = (tmp_path / "bag").glob("*.mcap")
     data = file.read_bytes()
     file.write_bytes(data[: int(0.75 * len(data))])

@@ -30,6 +30,7 @@ from helmet_sim_ros.mcap_log.layout import (
 )
 from helmet_sim_ros.mcap_log.records import (
     BROKEN,
+    MESSAGE,
     RECORD,
     RECORD_LIMIT,
     check_magic,
@@ -168,11 +169,11 @@ class _Sound:
 
 
 def _parsed(opcode: int, content: bytes) -> Iterator[Any]:
-    stream = ReadDataStream(BytesIO(content))
     if opcode == Opcode.MESSAGE:
-        yield Message.read(stream, len(content))
+        channel, sequence, log_time, publish_time = MESSAGE.unpack_from(content)
+        yield Message(channel, log_time, content[MESSAGE.size :], publish_time, sequence)
     elif opcode in _CLASSES:
-        yield _CLASSES[opcode].read(stream)
+        yield _CLASSES[opcode].read(ReadDataStream(BytesIO(content)))
 
 
 class _Definitions:
