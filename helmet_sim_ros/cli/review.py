@@ -68,8 +68,8 @@ def _show_log(console: Console, log: ImpactLog, rows: list[Reviewed], full_setup
         console.print(text, style=style, markup=False, soft_wrap=True)
 
     incomplete = f", {len(log.problems)} incomplete" if log.problems else ""
-    number = f"{len(rows)} complete impact{'s' * (len(rows) != 1)}"
-    say(f"{os.path.relpath(log.path)}: {number}{incomplete}", "bold")
+    count = f"{len(rows)} complete impact{'s' * (len(rows) != 1)}"
+    say(f"{os.path.relpath(log.path)}: {count}{incomplete}", "bold")
     run = log.run
     made = [run.get("scenario", ""), run.get("started", ""), log.library]
     say("  recorded: " + ", ".join(filter(None, made)))
