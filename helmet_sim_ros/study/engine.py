@@ -71,7 +71,7 @@ def open_engine(workers: int | None = None, scheduler: str | None = None) -> Ite
     with (
         need("dask").config.set({"distributed.scheduler.worker-saturation": 1.0}),
         distributed.LocalCluster(
-            n_workers=count, threads_per_worker=1, dashboard_address=None,
+            n_workers=count, threads_per_worker=1, dashboard_address="127.0.0.1:0",
             silence_logs=logging.CRITICAL,
         ) as cluster,
         distributed.Client(cluster) as client,
