@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import os
 from collections.abc import Iterable, Iterator, Mapping
+from concurrent.futures import CancelledError
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -136,14 +137,19 @@ class _Dask:
             future = next(finished)
             chunk = waiting.pop(future)
             submit()
-            if future.cancelled():
-                raise StudyError("the cluster is gone: its scheduler dropped the study's work")
-            if future.status == "finished":
-                yield chunk, future.result()
-            elif isinstance(error := future.exception(), self._distributed.KilledWorker):
+            try:
+                # Its worker may have died since: then the chunk is computed again, and waited for.
+                outcomes = future.result()
+            except self._distributed.KilledWorker:
                 suspects.append(chunk)
+            except CancelledError:
+                raise StudyError(
+                    "the cluster is gone: its scheduler dropped the study's work"
+                ) from None
+            except Exception as error:
+                raise StudyError(f"the cluster failed: {type(error).__name__}: {error}") from error
             else:
-                raise StudyError(f"the cluster failed: {type(error).__name__}: {error}")
+                yield chunk, outcomes
 
     def _check_workers(self) -> None:
         """Import the physics everywhere, and refuse workers whose results would differ."""
