@@ -16,7 +16,7 @@ from helmet_sim_ros import evaluate, simulate
 from helmet_sim_ros.errors import SetupError, StudyError
 from helmet_sim_ros.model.setup import setup_from_names
 from helmet_sim_ros.study import load_study, sweep
-from helmet_sim_ros.study.engine import Chunk, open_engine
+from helmet_sim_ros.study.engine import CHUNKS_PER_WORKER, Chunk, open_engine
 from helmet_sim_ros.study.worker import Job, Outcome, run_row
 
 SHORT = "impact.rig: headform, sim.duration: 0.008"
@@ -232,11 +232,12 @@ def test_a_killed_worker_costs_its_chunk_only(cluster, study):
     assert sorted(found) == list(range(len(chunks)))
     for chunk in (chunks[0], chunks[-1]):
         assert found[chunk.tag] == [run_row(job, values) for values in chunk.setups]
-    # What the scheduler says it sent out: each chunk once, the killed worker's again.
+    # What the scheduler says it sent out: each chunk once, and again only what was with the killed
+    # worker: running, waiting there, or finished and not yet handed over.
     log = cluster._client.cluster.scheduler.transition_log
     started = [entry[0] for entry in log if entry[2] == "processing" and "run_chunk" in entry[0]]
     repeated = len(started) - len(set(started))
-    assert repeated <= 2
+    assert repeated <= 2 * CHUNKS_PER_WORKER
 
 
 def test_an_impact_that_kills_its_worker_fails_and_spares_the_others(cluster, study):
