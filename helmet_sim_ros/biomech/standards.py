@@ -5,13 +5,13 @@ from __future__ import annotations
 from functools import lru_cache
 from pathlib import Path
 
-import yaml
 from pydantic import Field, model_validator
 
 from helmet_sim_ros.biomech.catalogue import entry
 from helmet_sim_ros.errors import PulseError, SetupError
 from helmet_sim_ros.resources import find_config, share_directory
 from helmet_sim_ros.schema import Config, quantity
+from helmet_sim_ros.yaml_file import read_yaml
 
 #: The limits that the coupling paper quotes, used when no standard is asked for.
 DEFAULT_STANDARD = "ece_r22_05"
@@ -64,8 +64,4 @@ def standard_names() -> list[str]:
 
 @lru_cache(maxsize=64)
 def _load(path: Path, _mtime_ns: int) -> Standard:
-    try:
-        data = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise SetupError.of("standard", str(path), f"cannot be read: {error}") from error
-    return Standard.from_mapping(data, str(path))  # type: ignore[no-any-return]
+    return Standard.from_mapping(read_yaml(path, "standard"), str(path))  # type: ignore[no-any-return]

@@ -6,12 +6,12 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Literal
 
-import yaml
 from pydantic import Field, model_validator
 
 from helmet_sim_ros.errors import SetupError
 from helmet_sim_ros.resources import find_config
 from helmet_sim_ros.schema import Config, quantity
+from helmet_sim_ros.yaml_file import read_yaml
 
 Vector = tuple[float, float, float]
 
@@ -150,11 +150,7 @@ class Helmet(Config):
 
 @lru_cache(maxsize=64)
 def _load(path: Path, _mtime_ns: int) -> Helmet:
-    try:
-        data = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise SetupError.of("helmet", str(path), f"cannot be read: {error}") from error
-    return Helmet.from_mapping(data, str(path))  # type: ignore[no-any-return]
+    return Helmet.from_mapping(read_yaml(path, "helmet"), str(path))  # type: ignore[no-any-return]
 
 
 def load_helmet(name_or_path: str) -> Helmet:
