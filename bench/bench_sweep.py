@@ -1,6 +1,6 @@
-"""Cost of studies as ratios measured in one run: overhead, workers, memory, scaling.
+"""Cost of studies, measured: overhead, workers, memory, client, scaling.
 
-    python bench/bench_sweep.py [overhead] [workers] [memory] [scaling] [--plot FILE]
+    python bench/bench_sweep.py [overhead] [workers] [memory] [client] [scaling] [--plot FILE]
 
 Without names: all of them, some minutes. CPU times are of one process; wall times are medians of
 interleaved rounds, so that other load on the machine hits both sides of a ratio.
@@ -15,9 +15,11 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import psutil
 
 from helmet_sim_ros import ImpactSetup, evaluate, simulate
@@ -177,6 +179,49 @@ def _pid() -> int:
     return os.getpid()
 
 
+def client() -> None:
+    """What one client and one scheduler can keep up with, and how large results get."""
+    from helmet_sim_ros.study.store import ResultStore
+    from helmet_sim_ros.study.worker import run_row
+
+    start = time.process_time()
+    plan = study(LONG_RUN * 10, "spring")
+    loading = time.process_time() - start
+    rows = len(plan)
+    outcome = run_row(Job("ece_r22_05", plan.criteria), plan.row(0).values)
+    random = np.random.default_rng(0)  # equal rows would compress too well
+    noise = random.uniform(0.5, 1.5, (1000, len(outcome.values)))
+    varied = [
+        replace(outcome, values=tuple(None if v is None else v * f for v, f in
+                                      zip(outcome.values, factors, strict=True)))
+        for factors in noise.tolist()
+    ]  # fmt: skip
+    with tempfile.TemporaryDirectory() as folder, ResultStore(Path(folder), plan) as store:
+        start = time.process_time()
+        for first in range(0, rows, 100):
+            store.append([(plan.row(i), varied[i % 1000]) for i in range(first, first + 100)])
+        keeping = time.process_time() - start
+        size = sum(path.stat().st_size for path in Path(folder).rglob("*.parquet"))
+        start = time.process_time()
+        store.finish()
+        finishing = time.process_time() - start
+        final = {path.suffix: path.stat().st_size for path in Path(folder).glob("results.*")}
+    print(f"client, {rows} rows of {len(plan.criteria)} criteria in chunks of 100")
+    for name, seconds in (("draw and check", loading), ("keep", keeping), ("finish", finishing)):
+        print(f"  {name:<15} {seconds / rows * 1e3:7.3f} ms per row")
+    print(f"  bytes per row: chunks {size / rows:.0f}, "
+          + ", ".join(f"{suffix} {n / rows:.0f}" for suffix, n in final.items()))  # fmt: skip
+    nothing = {"impact.friction": -1.0}  # refused at once: what is left is the way there and back
+    with open_engine(2) as engine:
+        count = 2000
+        for size in (1, 100):
+            start = time.perf_counter()
+            for _ in engine.run(JOB, (Chunk(i, (nothing,) * size) for i in range(count // size))):
+                pass
+            spent = (time.perf_counter() - start) / count * size
+            print(f"  a chunk of {size} refused impacts: {spent * 1e3:.1f} ms")
+
+
 def scaling(plot: Path | None) -> None:
     """CPU time per impact over columns, duration, rate and contacts."""
     foam = {"helmet.coupling": "foam"}
@@ -246,7 +291,7 @@ def _plot(path: Path, found: dict[str, tuple[str, list[tuple[float, float]]]]) -
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    names = ("overhead", "workers", "memory", "scaling")
+    names = ("overhead", "workers", "memory", "client", "scaling")
     parser.add_argument("names", nargs="*", choices=[*names, []], help="default: all")
     parser.add_argument("--plot", type=Path, help="where the plot of the scaling goes")
     options = parser.parse_args()
