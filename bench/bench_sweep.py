@@ -16,6 +16,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -27,11 +28,11 @@ from helmet_sim_ros.model.impact import Impact
 from helmet_sim_ros.study import sweep, worker
 from helmet_sim_ros.study.engine import Chunk, Engine, open_engine
 from helmet_sim_ros.study.study import Study, StudyFile, build_study
-from helmet_sim_ros.study.worker import Job
+from helmet_sim_ros.study.worker import Job, run_chunk
 
 IMPACTS = 1000
 ROUNDS = 5
-MOST_ROUNDS = 40
+MOST_ROUNDS = 30
 QUIET = 0.1
 LONG_RUN = 10_000
 JOB = Job("ece_r22_05", ("peak_g", "hic"))
@@ -107,35 +108,53 @@ def timed() -> Iterator[Counter[str]]:
 
 
 def workers() -> None:
-    """Wall time with two workers over one, rounds interleaved.
+    """Wall time with two workers over one, beside what the machine itself gives.
 
-    A round counts as quiet if other processes used less than ``QUIET`` cores in both halves.
+    The latter is the same impacts in one and in two bare processes, half of them each, without any
+    scheduling: on a machine that others use it is far from 2. A round counts as quiet if other
+    processes used less than ``QUIET`` cores in all four parts.
     """
-    plan = study(240, "foam")
-    chunks = [
-        Chunk(i, tuple(plan.row(j).values for j in range(i, i + 5))) for i in range(0, 120, 5)
-    ]
-    print("two workers over one, 240 foam impacts in chunks of 5; a round: one [s], two [s], ratio")
-    quiet, all_rounds = [], []
-    with open_engine(1) as one, open_engine(2) as two:
-        for engine in (one, two):
-            wall(engine, chunks)  # compiled code is loaded, clocks are up
-        while len(quiet) < ROUNDS and len(all_rounds) < MOST_ROUNDS:
-            (a, others), (b, more) = wall(one, chunks), wall(two, chunks)
-            all_rounds.append(a / b)
-            if max(others, more) < QUIET:
-                quiet.append(a / b)
-                print(f"  {a:.2f} {b:.2f} {a / b:.2f}")
-    if quiet:
-        print(f"  median of {len(quiet)} quiet rounds: {statistics.median(quiet):.2f}")
-    print(f"  median of all {len(all_rounds)} rounds: {statistics.median(all_rounds):.2f}")
+    rows = [row.values for row in study(160, "foam").rows()]
+    chunks = [Chunk(i, tuple(rows[i : i + 5])) for i in range(0, len(rows), 5)]
+    print(f"{len(rows)} foam impacts in chunks of 5, two workers over one; two bare processes over "
+          "one; quotient")  # fmt: skip
+    quiet: list[tuple[float, float]] = []
+    everything: list[tuple[float, float]] = []
+    with open_engine(1) as one, open_engine(2) as two, get_context("spawn").Pool(2) as pool:
+        parts = [
+            lambda: run_all(one, chunks),
+            lambda: run_all(two, chunks),
+            lambda: pool.starmap(run_chunk, [(JOB, rows)], chunksize=1),
+            lambda: pool.starmap(run_chunk, [(JOB, rows[0::2]), (JOB, rows[1::2])], chunksize=1),
+        ]
+        for part in parts:
+            wall(part)  # compiled code is loaded
+        while len(quiet) < ROUNDS and len(everything) < MOST_ROUNDS:
+            seconds, others = zip(*(wall(part) for part in parts), strict=True)
+            ratios = seconds[0] / seconds[1], seconds[2] / seconds[3]
+            everything.append(ratios)
+            if max(others) < QUIET:
+                quiet.append(ratios)
+            print(f"  {ratios[0]:.2f} {ratios[1]:.2f} {ratios[0] / ratios[1]:.2f}"
+                  + (" quiet" if max(others) < QUIET else ""))  # fmt: skip
+    for name, found in (("quiet", quiet), ("all", everything)):
+        if found:
+            medians = [statistics.median(column) for column in zip(*found, strict=True)]
+            quotient = statistics.median(a / b for a, b in found)
+            print(f"  medians of {len(found)} {name} rounds: {medians[0]:.2f} {medians[1]:.2f} "
+                  f"{quotient:.2f}")  # fmt: skip
 
 
-def wall(engine: Engine, chunks: list[Chunk]) -> tuple[float, float]:
-    """Seconds for all chunks, and how many cores other processes used meanwhile."""
-    busy, mine, start = _busy(), _mine(), time.perf_counter()
+def run_all(engine: Engine, chunks: list[Chunk]) -> None:
+    """Compute all chunks."""
     for _ in engine.run(JOB, chunks):
         pass
+
+
+def wall(action: Callable[[], object]) -> tuple[float, float]:
+    """Seconds of a call, and how many cores other processes used meanwhile."""
+    busy, mine, start = _busy(), _mine(), time.perf_counter()
+    action()
     seconds = time.perf_counter() - start
     return seconds, (_busy() - busy - (_mine() - mine)) / seconds
 
