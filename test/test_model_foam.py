@@ -5,14 +5,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad, trapezoid
+from scipy.spatial.transform import Rotation
 
 from helmet_sim_ros.biomech.record import ImpactRecord, same_samples
 from helmet_sim_ros.errors import PulseError
-from helmet_sim_ros.model import foam
+from helmet_sim_ros.model import foam, liner
 from helmet_sim_ros.model.balance import balance
 from helmet_sim_ros.model.helmet import load_helmet
 from helmet_sim_ros.model.impact import Impact, simulate
-from helmet_sim_ros.model.liner import columns
 from helmet_sim_ros.model.setup import ImpactSetup
 
 G = 9.80665  # m/s^2
@@ -37,16 +37,17 @@ def test_the_yield_stress_lies_in_the_published_range(
     assert low <= row[foam.YIELD] / 1e6 <= high
 
 
-@given(density=densities, strain=st.floats(0.0, 1.0))
+@given(density=densities, strain=st.floats(0.0, 1.0), share=st.floats(0.0, 1.0))
 @settings(max_examples=80, deadline=None)
 def test_the_loading_stress_grows_with_strain_and_its_energy_is_its_integral(
-    density: float, strain: float
+    density: float, strain: float, share: float
 ) -> None:
     row = foam.foam_row(density, 0.05)
     assert foam.loading_stress(strain + 1e-6, row) >= foam.loading_stress(strain, row)
     kinks = [row[foam.YIELD] / row[foam.MODULUS], foam.LINEAR_FROM * row[foam.LIMIT]]
-    area, _ = quad(lambda e: foam.loading_stress(e, row), 0.0, strain, points=kinks, limit=200)
-    assert foam.loading_energy(strain, row) == pytest.approx(area, rel=1e-6, abs=1e-3)
+    for low in (0.0, share * strain):
+        area, _ = quad(lambda e: foam.loading_stress(e, row), low, strain, points=kinks, limit=200)
+        assert foam.energy_between(low, strain, row) == pytest.approx(area, rel=1e-6, abs=1e-2)
 
 
 @given(density=densities, largest=st.floats(0.06, 0.9), returned=st.floats(0.01, 0.2))
@@ -56,10 +57,10 @@ def test_unloading_returns_the_stated_share(
 ) -> None:
     row = foam.foam_row(density, returned)
     rest = foam.residual_strain(largest, row)
-    area, _ = quad(lambda e: foam.foam_stress(e, largest, row), rest, largest)
+    area, _ = quad(lambda e: foam.unloading_stress(e, largest, rest, row), rest, largest)
     assert 0.0 < rest < largest
-    assert area == pytest.approx(returned * foam.loading_energy(largest, row), rel=1e-3)
-    assert foam.foam_stress(0.5 * rest, largest, row) == 0.0
+    assert area == pytest.approx(returned * foam.energy_between(0.0, largest, row), rel=1e-3)
+    assert foam.unloading_stress(0.5 * rest, largest, rest, row) == 0.0
 
 
 def test_densification_stiffens_the_foam() -> None:
@@ -72,7 +73,7 @@ def test_densification_stiffens_the_foam() -> None:
 
 def test_the_columns_cover_the_shell() -> None:
     helmet = load_helmet("fullface")
-    fine = columns(helmet.replaced({"liner.columns": 5000})).geometry
+    fine = liner.columns(helmet.replaced({"liner.columns": 5000})).geometry
     a, b, c = helmet.shell.semi_axes
     p = 1.6075  # Knud Thomsen's area of an ellipsoid, within 1.1 %
     area = 4 * np.pi * (((a * b) ** p + (a * c) ** p + (b * c) ** p) / 3) ** (1 / p)
@@ -86,7 +87,7 @@ def test_the_columns_cover_the_shell() -> None:
 
 def test_a_cell_of_a_sphere_lies_behind_its_middle_by_its_mean_sagitta() -> None:
     helmet = load_helmet("fullface").replaced({"shell.semi_axes": (0.14, 0.14, 0.14)})
-    made = columns(helmet).geometry
+    made = liner.columns(helmet).geometry
     behind = 0.14 - np.linalg.norm(made[:, :3], axis=1)
     assert behind == pytest.approx(made[:, 8] ** 2 / (4 * 0.14))
 
@@ -95,7 +96,7 @@ def test_zones_change_thickness_and_density_where_they_are() -> None:
     helmet = load_helmet("fullface").replaced(
         {"liner.front.thickness": 0.03, "liner.top.density": 90.0}
     )
-    made = columns(helmet)
+    made = liner.columns(helmet)
     normal, thickness = made.geometry[:, 3:6], made.geometry[:, 7]
     front = normal[:, 0].argmax()
     assert thickness[front] == pytest.approx(0.03, abs=2e-4)
@@ -210,3 +211,51 @@ def test_mirrored_foam_impacts_agree_within_the_lattice() -> None:
         foam_setup(direction="right", tangential_velocity=5.0, tangential_heading_deg=-60.0)
     )
     assert peak_g(left) == pytest.approx(peak_g(right), rel=0.01)
+
+
+def test_columns_that_are_not_near_the_ground_cannot_touch_it() -> None:
+    """A liner that rolls and bounces feels the same whether columns are listed at every step."""
+    table = liner.columns(load_helmet("fullface"))
+    lists = [liner.nothing_near(len(table)) for _ in range(2)]
+    states = [
+        (np.zeros(len(table)), np.full(len(table), -1.0), np.zeros((len(table), 2)))
+        for _ in range(2)
+    ]
+    touched, listed = 0, []
+    for step in range(400):
+        turn = Rotation.from_rotvec([0.004 * step, 0.002 * step, 0.0]).as_matrix().ravel()
+        position = np.array([1e-3 * step, 0.0, 0.135 + 0.02 * np.cos(0.05 * step)])
+        lists[1][1][:] = np.inf  # forgets what it listed
+        results = []
+        for (near, seen), state in zip(lists, states, strict=True):
+            applied, wrench = np.zeros(6), np.zeros(6)
+            liner.crush(
+                table.geometry, table.foam, 0.4, 5e-5, near, seen, *state, position, turn,
+                np.array([1.0, 0.5, 0.0, 20.0, 0.0, -1.0]), np.zeros(3), applied, wrench,
+            )  # fmt: skip
+            results.append((applied, wrench))
+        assert np.array_equal(results[0], results[1])
+        touched += results[0][1][2] > 0.0
+        listed.append(lists[0][0][-1])
+    assert 50 < touched < 350 and max(listed) < len(table) / 3
+    assert all(np.array_equal(a, b) for a, b in zip(*states, strict=True))
+
+
+def test_unloading_remembers_the_deepest_of_several_blows() -> None:
+    table = liner.columns(load_helmet("fullface"))
+
+    def last_force(depths: list[float]) -> float:
+        near, seen = liner.nothing_near(len(table))
+        state = (np.zeros(len(table)), np.full(len(table), -1.0), np.zeros((len(table), 2)))
+        for depth in depths:
+            wrench = np.zeros(6)
+            liner.crush(
+                table.geometry, table.foam, 0.4, 5e-5, near, seen, *state,
+                np.array([0.0, 0.0, 0.14 - depth]), np.eye(3).ravel(), np.zeros(6), np.zeros(3),
+                np.zeros(6), wrench,
+            )  # fmt: skip
+        return float(wrench[2])
+
+    expected = last_force([0.02, 0.0198])
+    assert 0.0 < expected < last_force([0.02])
+    assert last_force([0.01, 0.0099, 0.02, 0.0198]) == pytest.approx(expected, rel=1e-12)

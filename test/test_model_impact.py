@@ -191,8 +191,10 @@ def test_free_flight_has_the_acceleration_of_gravity() -> None:
     assert record.ground_force[0] == pytest.approx([0.0, 0.0, 0.0])
 
 
-def test_the_compiled_loop_steps_like_the_interpreted_one() -> None:
-    setup = ImpactSetup(tangential_velocity=6.0, duration=0.005)
+@pytest.mark.parametrize("rig", ["rider", "headform"])
+def test_the_loop_steps_like_mujoco(rig: str) -> None:
+    """States and sensors are those of mj_step1 and mj_step2 with our forces between them."""
+    setup = ImpactSetup(rig=rig, tangential_velocity=6.0, duration=0.005)
     impact = Impact(setup)
     model, shapes = impact.model, impact.shapes
     data = mujoco.MjData(model)
@@ -205,7 +207,7 @@ def test_the_compiled_loop_steps_like_the_interpreted_one() -> None:
     slides = int(model.joint("coupling_x").dofadr[0])
     state, stick = coupling.new_state(), shapes.new_state()
     force, wrench = np.zeros(3), np.zeros((2, 6))
-    for position, _ in impact.states():
+    for (position, _), sensors in zip(impact.states(), impact._samples[2], strict=True):
         assert data.qpos == pytest.approx(position, rel=1e-9, abs=1e-12)
         mujoco.mj_step1(model, data)
         coupling.spring_force.py_func(
@@ -215,18 +217,23 @@ def test_the_compiled_loop_steps_like_the_interpreted_one() -> None:
             state,
             force,
         )
+        data.qfrc_applied[:] = 0.0
         data.qfrc_applied[slides : slides + 3] = force
         stops.stop_torques.py_func(
             *stops.joint_stops(model), data.qpos, data.qvel, data.qfrc_applied
         )
-        data.xfrc_applied[:] = 0.0
+        wrenches = np.zeros((model.nbody, 6))
         contact.ground_contact.py_func(
             model.body("helmet").id, shapes.body, shapes.center, shapes.semi_axes, shapes.law,
             stick, setup.time_step,
-            data.xpos, data.xmat, data.xipos, data.cvel, data.subtree_com[1], data.xfrc_applied,
-            wrench,
+            data.xpos, data.xmat, data.cvel, data.subtree_com[1], wrenches, wrench,
         )  # fmt: skip
+        for body, (*applied, mx, my, mz) in enumerate(wrenches):
+            arm = data.subtree_com[1] - data.xipos[body]
+            moment = np.cross(arm, applied) + np.array([mx, my, mz])
+            data.xfrc_applied[body] = *applied, *moment
         mujoco.mj_step2(model, data)
+        assert sensors == pytest.approx(data.sensordata, rel=1e-7, abs=1e-6)
 
 
 def test_slices_give_the_same_samples_as_one_run() -> None:

@@ -18,6 +18,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from helmet_sim_ros.biomech.record import FloatArray
+from helmet_sim_ros.model.tree import add_force
 
 TANGENTIAL_SHARE = 0.8  # k_t / k; Mindlin: 2 (1 - nu) / (2 - nu), 0.82 for nu = 0.3
 RELAXATION = 5e-5  # s, tau: damps the stick oscillation of a light shell
@@ -115,7 +116,6 @@ def ground_contact(
     step: float,
     xpos: FloatArray,
     xmat: FloatArray,
-    xipos: FloatArray,
     cvel: FloatArray,
     origin: FloatArray,
     applied: FloatArray,
@@ -127,9 +127,9 @@ def ground_contact(
         helmet: MuJoCo's index of the helmet body.
         body, center, semi_axes, law, stick: see :class:`Shapes`.
         step: time step [s].
-        xpos, xmat, xipos, cvel: MuJoCo's body frames, mass centres and velocities.
+        xpos, xmat, cvel: MuJoCo's body frames and velocities.
         origin: point [m] to which ``cvel`` refers (centre of mass of the whole tree).
-        applied: forces and torques on the bodies' mass centres, (bodies, 6); added to.
+        applied: forces on the bodies and their moments about that point, (bodies, 6); added to.
         wrench: force [N] and moment about the world origin [N m], shape (2, 6): row 0 for the
             helmet, row 1 for the sum of all others; written.
     """
@@ -165,7 +165,7 @@ def ground_contact(
             TANGENTIAL_SHARE * law[i, STIFFNESS], RELAXATION, law[i, FRICTION] * fz, vx, vy, step,
             stick[i],
         )  # fmt: skip
-        add_force(applied[b], xipos[b], px, py, pz, fx, fy, fz)
+        add_force(applied[b], origin, px, py, pz, fx, fy, fz)
         row = wrench[0 if b == helmet else 1]
         row[0] += fx
         row[1] += fy
@@ -173,24 +173,3 @@ def ground_contact(
         row[3] += py * fz - pz * fy
         row[4] += pz * fx - px * fz
         row[5] += px * fy - py * fx
-
-
-@njit(cache=True, nogil=True)
-def add_force(
-    applied: FloatArray,
-    about: FloatArray,
-    px: float,
-    py: float,
-    pz: float,
-    fx: float,
-    fy: float,
-    fz: float,
-) -> None:
-    """Add a force at a point to a force and torque (6,) about ``about``, world axes."""
-    ax, ay, az = px - about[0], py - about[1], pz - about[2]
-    applied[0] += fx
-    applied[1] += fy
-    applied[2] += fz
-    applied[3] += ay * fz - az * fy
-    applied[4] += az * fx - ax * fz
-    applied[5] += ax * fy - ay * fx

@@ -75,17 +75,20 @@ def loading_stress(strain: float, foam: FloatArray) -> float:
 
 
 @njit(cache=True, nogil=True)
-def loading_energy(strain: float, foam: FloatArray) -> float:
-    """Energy per volume [J/m^3] on the loading path, the integral of :func:`loading_stress`."""
+def energy_between(low: float, high: float, foam: FloatArray) -> float:
+    """Energy per volume [J/m^3] on the loading path from one strain to a higher one, the integral
+    of :func:`loading_stress`."""
     edge = LINEAR_FROM * foam[LIMIT]
-    e = min(strain, edge)
-    elastic = min(e, foam[YIELD] / foam[MODULUS])
-    energy: float = 0.5 * foam[MODULUS] * elastic**2 + foam[YIELD] * (e - elastic)
-    energy += foam[GAS] * (-e - foam[LIMIT] * math.log(1.0 - e / foam[LIMIT]))
-    if strain > edge:
-        energy += (
-            0.5 * (loading_stress(edge, foam) + loading_stress(strain, foam)) * (strain - edge)
-        )
+    start, end = min(low, edge), min(high, edge)
+    at_yield = foam[YIELD] / foam[MODULUS]
+    from_, to = min(start, at_yield), min(end, at_yield)
+    energy: float = 0.5 * foam[MODULUS] * (to * to - from_ * from_)
+    energy += foam[YIELD] * (end - start - to + from_)
+    narrowed = (foam[LIMIT] - end) / (foam[LIMIT] - start)
+    energy += foam[GAS] * (start - end - foam[LIMIT] * math.log(narrowed))
+    if high > edge:
+        low = max(low, edge)
+        energy += 0.5 * (loading_stress(low, foam) + loading_stress(high, foam)) * (high - low)
     return energy
 
 
@@ -95,7 +98,7 @@ def residual_strain(largest: float, foam: FloatArray) -> float:
     if largest <= foam[YIELD] / foam[MODULUS] * 1e-3:
         return 0.0
     width: float = (
-        2.0 * foam[RETURNED] * loading_energy(largest, foam) / loading_stress(largest, foam)
+        2.0 * foam[RETURNED] * energy_between(0.0, largest, foam) / loading_stress(largest, foam)
     )
     return max(0.0, largest - width)
 
@@ -110,13 +113,8 @@ def residual_strains(largest: FloatArray, foam: FloatArray) -> FloatArray:
 
 
 @njit(cache=True, nogil=True)
-def foam_stress(strain: float, largest: float, foam: FloatArray) -> float:
-    """Stress [Pa] at a strain, given the largest strain so far (before this one)."""
-    if strain <= 0.0:
-        return 0.0
-    if strain >= largest:
-        return loading_stress(strain, foam)
-    rest = residual_strain(largest, foam)
+def unloading_stress(strain: float, largest: float, rest: float, foam: FloatArray) -> float:
+    """Stress [Pa] at a strain below ``largest``, whose :func:`residual_strain` is ``rest``."""
     if strain <= rest:
         return 0.0
     return loading_stress(largest, foam) * (strain - rest) / (largest - rest)
@@ -127,5 +125,5 @@ def mean_over_point(low: float, high: float, foam: FloatArray) -> float:
     """Loading stress averaged over strains ``low`` to ``high``, over that at their middle [-]."""
     if high - low < 1e-6:
         return 1.0
-    mean = (loading_energy(high, foam) - loading_energy(low, foam)) / (high - low)
+    mean = energy_between(low, high, foam) / (high - low)
     return mean / loading_stress(0.5 * (low + high), foam)

@@ -19,7 +19,7 @@ from helmet_sim_ros.biomech.record import (
 from helmet_sim_ros.errors import DivergedError, PulseError
 from helmet_sim_ros.model import coupling
 from helmet_sim_ros.model.foam import residual_strains
-from helmet_sim_ros.model.liner import POINT, THICKNESS, crush_depth
+from helmet_sim_ros.model.liner import POINT, THICKNESS, crush_depth, nothing_near
 from helmet_sim_ros.model.loop import advance
 from helmet_sim_ros.model.setup import ImpactSetup
 from helmet_sim_ros.model.world import build
@@ -68,9 +68,12 @@ class Impact:
         self.shapes = shapes = world.shapes
         data = self._data
         # Views of MuJoCo's arrays and the history of spring and contacts, as the loop takes them.
-        self._states = (data.qpos, data.qvel, data.qacc, data.sensordata)
-        self._frames = (data.xpos, data.xmat, data.xipos, data.cvel, data.subtree_com[1])
+        self._states = (data.qpos, data.qvel, data.qacc, data.qacc_smooth, data.sensordata)
+        self._frames = (
+            data.xpos, data.xmat, data.xipos, data.cvel, data.cdof, data.subtree_com[1]
+        )  # fmt: skip
         self._forces = (data.qfrc_applied, data.xfrc_applied)
+        self._inertia = (data.M, *world.parts.damped_diagonal)
         self._spring = (coupling.law_table(spring), spring.energy_loss, coupling.new_state())
         self._shapes = (
             shapes.body, shapes.center, shapes.semi_axes, shapes.law, shapes.new_state()
@@ -79,13 +82,14 @@ class Impact:
         self._liner = (
             columns.geometry, columns.foam, setup.friction,
             np.zeros(len(columns)) if crush is None else np.array(crush, dtype=float),
-            np.zeros((len(columns), 2)),
+            np.full(len(columns), -1.0), np.zeros((len(columns), 2)),
             columns.padding, np.zeros(2),
         )  # fmt: skip
         if self._liner[3].shape != (len(columns),):
             raise PulseError(f"crush: shape {self._liner[3].shape}, expected ({len(columns)},)")
+        self._near = nothing_near(len(columns))
         self._substeps = world.substeps
-        self._stops = world.parts.stops
+        self._stops, self._chains = world.parts.stops, world.parts.chains
         self._samples = tuple(
             np.zeros((self.total, *columns))
             for columns in (
@@ -112,8 +116,9 @@ class Impact:
         self._done = advance(
             self._model._address, self._data._address, self._model.opt.timestep,
             self._substeps, self._done, last,
-            self._states, self._frames, self._forces, self._layout.slides, self._spring,
-            self._shapes, self._liner, self._stops, self._samples,
+            self._states, self._frames, self._forces, self._inertia, self._chains,
+            self._layout.slides, self._spring, self._shapes, self._liner, self._near, self._stops,
+            self._samples,
         )  # fmt: skip
         if self._done < last:
             raise DivergedError(self._done * self.setup.time_step, self.setup.described())

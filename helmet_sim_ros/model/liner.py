@@ -19,13 +19,25 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from helmet_sim_ros.biomech.record import FloatArray
-from helmet_sim_ros.model.contact import RELAXATION, add_force, friction_force
-from helmet_sim_ros.model.foam import MODULUS, foam_rows, foam_stress, mean_over_point
+from helmet_sim_ros.model.contact import RELAXATION, friction_force
+from helmet_sim_ros.model.foam import (
+    MODULUS,
+    foam_rows,
+    loading_stress,
+    mean_over_point,
+    residual_strain,
+    unloading_stress,
+)
 from helmet_sim_ros.model.helmet import Helmet, Liner, Shell
+from helmet_sim_ros.model.tree import add_force
 
 POISSON = 0.1  # EPS (general literature value): G = E / (2 (1 + nu))
+
+MARGIN = 0.004  # m, of the list of columns near the ground; any value gives the same forces
+REACH = 0.4  # m, no column is farther from the origin of the helmet frame
 
 #: Columns of a column's row: outer point (3) [m] and outward normal (3) in the helmet frame, area
 #: [m^2], thickness [m], radius of the cell [m].
@@ -117,19 +129,64 @@ def crush_depth(shell: Shell, position: FloatArray, rotation: FloatArray) -> Flo
     return depth
 
 
+def nothing_near(count: int) -> tuple[NDArray[np.int64], FloatArray]:
+    """State of :func:`find_near` before the first step, of that many columns."""
+    return np.zeros(count + 1, dtype=np.int64), np.full(4, np.inf)
+
+
+@njit(cache=True, nogil=True)
+def find_near(
+    geometry: FloatArray,
+    position: FloatArray,
+    rotation: FloatArray,
+    near: NDArray[np.int64],
+    seen: FloatArray,
+    stick: FloatArray,
+) -> None:
+    """List the columns that touch the ground or may before the helmet has moved by ``MARGIN``.
+
+    Args:
+        geometry: see :class:`Columns`.
+        position, rotation: of the helmet body: xpos (3,), xmat (9,).
+        near: indices of columns, their number in the last place, (n + 1,); changed in place.
+        seen: height and vertical axis of the helmet when they were listed, (4,); changed in place.
+        stick: of columns that are not near, set to 0.
+    """
+    turned = 0.0
+    for k in range(3):
+        turned += (rotation[6 + k] - seen[1 + k]) ** 2
+    # No point of the helmet has come closer to the ground by more than this.
+    if abs(position[2] - seen[0]) + turned**0.5 * REACH < MARGIN:
+        return
+    seen[0] = position[2]
+    seen[1:] = rotation[6:9]
+    count = 0
+    for i in range(len(geometry)):
+        g = geometry[i]
+        height = position[2] + rotation[6] * g[0] + rotation[7] * g[1] + rotation[8] * g[2]
+        if height <= g[RADIUS] + MARGIN:
+            near[count] = i
+            count += 1
+        else:
+            stick[i] = 0.0
+    near[-1] = count
+
+
 @njit(cache=True, nogil=True)
 def crush(
     geometry: FloatArray,
     foam: FloatArray,
     friction: float,
     step: float,
+    near: NDArray[np.int64],
+    seen: FloatArray,
     largest: FloatArray,
+    rest: FloatArray,
     stick: FloatArray,
     position: FloatArray,
     rotation: FloatArray,
     velocity: FloatArray,
     origin: FloatArray,
-    about: FloatArray,
     applied: FloatArray,
     wrench: FloatArray,
 ) -> None:
@@ -139,16 +196,19 @@ def crush(
         geometry, foam: see :class:`Columns`.
         friction: of shell on ground [-].
         step: time step [s].
-        largest: largest strain of each column so far, (n,); changed in place.
+        near, seen: columns that can be in contact now, see :func:`find_near`; changed in place.
+        largest, rest: largest strain of each column so far and its residual strain (below 0: not
+            yet known), (n,); changed in place.
         stick: shear deflection of each column along world x and y, (n, 2) [m]; changed in place.
         position, rotation, velocity: of the helmet body: xpos (3,), xmat (9,), cvel (6,).
         origin: point to which ``velocity`` refers [m].
-        about: the body's centre of mass [m].
-        applied: force and torque on the body, (6,); added to.
+        applied: force on the body and its moment about that point, (6,); added to.
         wrench: force [N] and moment about the world origin [N m], (6,); added to.
     """
     m = rotation
-    for i in range(len(geometry)):
+    find_near(geometry, position, rotation, near, seen, stick)
+    for n in range(near[-1]):
+        i = near[n]
         g = geometry[i]
         depth = -(position[2] + m[6] * g[0] + m[7] * g[1] + m[8] * g[2])
         if depth < -g[RADIUS]:
@@ -167,11 +227,19 @@ def crush(
             share, low = high / (2.0 * half), 0.0
         to_strain = cosine / g[THICKNESS]
         strain = 0.5 * (low + high) * to_strain  # mean of the part below the plane
-        stress = foam_stress(strain, largest[i], foam[i])
-        if stress > 0.0:
-            stress *= mean_over_point(low * to_strain, high * to_strain, foam[i])
+        if strain >= largest[i]:
+            stress = loading_stress(strain, foam[i])
+            largest[i] = strain
+            rest[i] = -1.0
+        else:
+            if rest[i] < 0.0:
+                rest[i] = residual_strain(largest[i], foam[i])
+            stress = unloading_stress(strain, largest[i], rest[i], foam[i])
+        if stress <= 0.0:
+            stick[i] = 0.0
+            continue
+        stress *= mean_over_point(low * to_strain, high * to_strain, foam[i])
         fz = stress * g[AREA] * share * cosine
-        largest[i] = max(largest[i], strain)
         px = position[0] + m[0] * g[0] + m[1] * g[1] + m[2] * g[2]
         py = position[1] + m[3] * g[0] + m[4] * g[1] + m[5] * g[2]
         # The crushed shell lies on the ground: velocity of the helmet frame there.
@@ -180,7 +248,7 @@ def crush(
         vy = velocity[4] + velocity[2] * rx - velocity[0] * rz
         shear = foam[i, MODULUS] / (2.0 * (1.0 + POISSON)) * g[AREA] * share * cosine / g[THICKNESS]
         fx, fy = friction_force(shear, RELAXATION, friction * fz, vx, vy, step, stick[i])
-        add_force(applied, about, px, py, 0.0, fx, fy, fz)
+        add_force(applied, origin, px, py, 0.0, fx, fy, fz)
         wrench[0] += fx
         wrench[1] += fy
         wrench[2] += fz
@@ -201,7 +269,7 @@ def head_friction(
     center: FloatArray,
     helmet_velocity: FloatArray,
     head_velocity: FloatArray,
-    about: FloatArray,
+    origin: FloatArray,
     applied_helmet: FloatArray,
     applied_head: FloatArray,
 ) -> None:
@@ -217,13 +285,13 @@ def head_friction(
         stick: shear deflection along world x and y, (2,) [m]; changed in place.
         center: about which the helmet turns on the head, world axes [m].
         helmet_velocity, head_velocity: cvel rows, (6,).
-        about: centre of mass of the helmet body [m]; the head's is ``center``.
-        applied_helmet, applied_head: force and torque on the bodies, (6,); added to.
+        origin: point about which moments are taken [m].
+        applied_helmet, applied_head: force and moment on the bodies, (6,); added to.
     """
     # The contact lies below the centre; only the difference of the spins slides there.
     vx = -(helmet_velocity[1] - head_velocity[1]) * radius
     vy = (helmet_velocity[0] - head_velocity[0]) * radius
     fx, fy = friction_force(stiffness, relaxation, friction * load, vx, vy, step, stick)
     z = center[2] - radius
-    add_force(applied_helmet, about, center[0], center[1], z, fx, fy, 0.0)
-    add_force(applied_head, center, center[0], center[1], z, -fx, -fy, 0.0)
+    add_force(applied_helmet, origin, center[0], center[1], z, fx, fy, 0.0)
+    add_force(applied_head, origin, center[0], center[1], z, -fx, -fy, 0.0)

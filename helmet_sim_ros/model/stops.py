@@ -43,13 +43,11 @@ def stop_torques(
     qvel: FloatArray,
     applied: FloatArray,
 ) -> None:
-    """Write the stops' torques [N m] (forces [N]) into the generalised forces."""
+    """Add the stops' torques [N m] (forces [N]) to the generalised forces."""
     for i in range(len(address)):
         q, v = qpos[address[i, 0]], qvel[address[i, 1]]
         low, high, stiffness = law[i]
         if q > high:
-            applied[address[i, 1]] = -normal_force(stiffness, DAMPING, q - high, v)
+            applied[address[i, 1]] -= normal_force(stiffness, DAMPING, q - high, v)
         elif q < low:
-            applied[address[i, 1]] = normal_force(stiffness, DAMPING, low - q, -v)
-        else:
-            applied[address[i, 1]] = 0.0
+            applied[address[i, 1]] += normal_force(stiffness, DAMPING, low - q, -v)

@@ -8,6 +8,7 @@ from functools import lru_cache
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.model.anthropometry import anthropometry
@@ -19,6 +20,7 @@ from helmet_sim_ros.model.layout import Layout
 from helmet_sim_ros.model.liner import Columns, columns, no_columns
 from helmet_sim_ros.model.setup import ImpactSetup, Rider
 from helmet_sim_ros.model.stops import Stops, joint_stops
+from helmet_sim_ros.model.tree import Chains, chains
 
 MAX_STEP = 5e-5  # s, largest integration step: peaks within 1 % (test_model_impact)
 MIN_STEP = 2e-6  # s; a shell so light or stiff that it needs less may diverge, and says so
@@ -39,6 +41,9 @@ class Parts:
         shapes: what may touch the ground by a stiff contact.
         columns: the foam helmet's columns, none for a spring helmet.
         stops: of the body's joints.
+        chains: see :mod:`helmet_sim_ros.model.tree`.
+        damped_diagonal: where the diagonal of M stands in MuJoCo's data, and what the damping of
+            the joints adds to it in an implicit step, (nv,) each.
         layout: where named quantities stand in the model's vectors.
     """
 
@@ -47,6 +52,8 @@ class Parts:
     shapes: Shapes
     columns: Columns
     stops: Stops
+    chains: Chains
+    damped_diagonal: tuple[NDArray[np.int64], FloatArray]
     layout: Layout
 
 
@@ -105,8 +112,13 @@ def _parts(
     foam = helmet.coupling == "foam"
     return Parts(
         model, spec, _contact_shapes(model, helmet), columns(helmet) if foam else no_columns(),
-        joint_stops(model), Layout(model),
+        joint_stops(model), chains(model), _damped_diagonal(model), Layout(model),
     )  # fmt: skip
+
+
+def _damped_diagonal(model: mujoco.MjModel) -> tuple[NDArray[np.int64], FloatArray]:
+    diagonal = model.M_rowadr + model.M_rownnz - 1
+    return diagonal.astype(np.int64), model.opt.timestep * model.dof_damping
 
 
 def substeps(setup: ImpactSetup) -> int:
@@ -184,7 +196,8 @@ def _empty_world(gravity: float, step: float) -> mujoco.MjSpec:
     option.timestep = step
     option.gravity = [0.0, 0.0, -gravity]
     option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-    option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    # Implicit in the joints' damping, the only force of the model's own that needs it.
+    option.integrator = mujoco.mjtIntegrator.mjINT_EULER
     option.solver = mujoco.mjtSolver.mjSOL_NEWTON
     # A diverged state must be seen, not silently reset.
     option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
