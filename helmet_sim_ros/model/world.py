@@ -270,26 +270,30 @@ def _add_sensors(spec: mujoco.MjSpec, rig: str) -> None:
 def _contact_shapes(model: mujoco.MjModel, helmet: Helmet) -> Shapes:
     """The shell of a spring helmet, and every geom of the body; a capsule touches with the
     spheres at its ends."""
-    shell = helmet.shell
-    rows = []
-    if helmet.coupling == "spring":
-        law = (shell.contact_stiffness, shell.contact_damping, 0.0)
-        rows.append((int(model.body("helmet").id), shell.center, shell.semi_axes, law))
-    for geom in range(model.ngeom):
-        if model.geom(geom).name in ("ground", "shell"):
-            continue
-        body, at = int(model.geom_bodyid[geom]), model.geom_pos[geom]
-        size = model.geom_size[geom]
-        if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_ELLIPSOID:
-            rows.append((body, tuple(at), tuple(size), BODY_CONTACT))
-            continue
-        axis = np.zeros(3)
-        mujoco.mju_rotVecQuat(axis, np.array([0.0, 0.0, size[1]]), model.geom_quat[geom])
-        for end in (at - axis, at + axis):
-            rows.append((body, tuple(end), (size[0],) * 3, BODY_CONTACT))
+    shell = int(model.body("helmet").id)
+    geoms = np.flatnonzero((model.geom_bodyid != 0) & (model.geom_bodyid != shell))
+    capsule = model.geom_type[geoms] == mujoco.mjtGeom.mjGEOM_CAPSULE
+    ends = np.concatenate([[-1.0, 1.0] if both else [0.0] for both in capsule] or [[]])
+    geoms, capsule = (np.repeat(array, np.where(capsule, 2, 1)) for array in (geoms, capsule))
+    w, x, y, z = model.geom_quat[geoms].T
+    axis = np.column_stack(
+        [2 * (x * z + w * y), 2 * (y * z - w * x), w * w - x * x - y * y + z * z]
+    )
+    size = model.geom_size[geoms]
+    shapes = Shapes(
+        model.geom_bodyid[geoms].astype(np.int64),
+        model.geom_pos[geoms] + (ends * size[:, 1])[:, None] * axis,
+        np.where(capsule[:, None], size[:, :1], size),
+        np.tile(BODY_CONTACT, (len(geoms), 1)),
+    )
+    if helmet.coupling == "foam":
+        return shapes
+    law = (helmet.shell.contact_stiffness, helmet.shell.contact_damping, 0.0)
     return Shapes(
-        np.array([row[0] for row in rows], dtype=np.int64),
-        *(np.array([row[k] for row in rows], dtype=float).reshape(-1, 3) for k in (1, 2, 3)),
+        np.concatenate([[shell], shapes.body]),
+        np.vstack([helmet.shell.center, shapes.center]),
+        np.vstack([helmet.shell.semi_axes, shapes.semi_axes]),
+        np.vstack([law, shapes.law]),
     )
 
 
@@ -298,10 +302,9 @@ def _place(
 ) -> tuple[str, ...]:
     """Set pose and velocity: helmet just touching at the world origin, all moving as one."""
     rotation = head_to_world(setup)
-    for j in range(model.njnt):
-        if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE:
-            # A spring at rest: posture and neck flexion are the springs' reference angles.
-            data.qpos[model.jnt_qposadr[j]] = model.qpos_spring[model.jnt_qposadr[j]]
+    # A spring at rest: posture and neck flexion are the springs' reference angles.
+    hinges = model.jnt_qposadr[model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE]
+    data.qpos[hinges] = model.qpos_spring[hinges]
     shell = setup.helmet_config.shell
     down = rotation.T @ np.array([0.0, 0.0, -1.0])
     axes = np.array(shell.semi_axes)
