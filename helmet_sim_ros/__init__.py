@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from helmet_sim_ros.mcap_log import open_log
     from helmet_sim_ros.model.impact import simulate
     from helmet_sim_ros.model.setup import ImpactSetup, Rider
+    from helmet_sim_ros.study import optimise, sweep
 
 __all__ = [
     "ImpactSetup",
@@ -25,6 +26,8 @@ __all__ = [
     "simulate",
     "evaluate",
     "open_log",
+    "sweep",
+    "optimise",
     "ImpactRecord",
     "Evaluation",
 ]
@@ -37,6 +40,7 @@ _load = lazy_names(
         "biomech.evaluation": ("evaluate", "Evaluation"),
         "biomech.record": ("ImpactRecord",),
         "mcap_log": ("open_log",),
+        "study": ("sweep", "optimise"),
     },
 )
 
