@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
-from helmet_sim_ros.biomech.catalogue import entry
-from helmet_sim_ros.biomech.measures import Measures
+from helmet_sim_ros.biomech.catalogue import CATALOGUE, entry
+from helmet_sim_ros.biomech.measures import measure
 from helmet_sim_ros.biomech.record import ImpactRecord
 from helmet_sim_ros.biomech.result import Criterion, Evaluation
 from helmet_sim_ros.biomech.standards import DEFAULT_STANDARD, Limit, Standard, load_standard
@@ -22,36 +22,41 @@ SPOKEN = {"s": ("ms", 1e3), "m": ("mm", 1e3), "-": ("", 1.0)}
 SPEED_TOLERANCE = 0.02
 
 
-def evaluate(record: ImpactRecord, standard: str | None = None) -> Evaluation:
-    """Every criterion of an impact, judged by a standard.
+def evaluate(
+    record: ImpactRecord, standard: str | None = None, criteria: Iterable[str] | None = None
+) -> Evaluation:
+    """The criteria of an impact, judged by a standard.
 
-    Deterministic: the same samples give bit for bit the same result.
+    Deterministic: the same samples give bit for bit the same result, and the same value of a
+    criterion whatever else is asked for.
 
     Args:
-        record: the complete impact.
+        record: the complete impact. All its channels are checked, whatever is asked for.
         standard: name in ``config/standards``, or path of a YAML file; None: the limits of
             ECE R22.05 that the coupling paper quotes, whatever the impact's speed.
+        criteria: names of the criteria to compute beside those that the standard limits;
+            None: all.
 
     Raises:
         PulseError: a channel is not finite, the time is not uniform, the acceleration is in
-            another unit, or the standard limits what cannot be computed from this record.
+            another unit, a criterion is unknown, or the standard limits what cannot be computed
+            from this record.
         SetupError: unknown standard, or a limit on an unknown criterion.
     """
     name = DEFAULT_STANDARD if standard is None else standard
     rules = load_standard(name)
-    measures = Measures(record, rules.limits)
-    criteria = measures.criteria
+    wanted = CATALOGUE if criteria is None else criteria
+    found, reasons = measure(record, [*wanted, *rules.limits])
     for key, limit in rules.limits.items():
-        if key not in criteria:
-            reasons = "; ".join(measures.warnings)
+        if key not in found:
             raise PulseError(
-                f"{key}: {name} limits it, but this record does not give it; {reasons}"
+                f"{key}: {name} limits it, but this record does not give it; {'; '.join(reasons)}"
             )
-        criteria[key] = _judged(criteria[key], limit)
-    warnings = list(measures.warnings)
+        found[key] = _judged(found[key], limit)
+    warnings = list(reasons)
     if standard is not None:
         warnings += _other_speed(record.setup, rules)
-    return Evaluation(name, rules.title, criteria, _messages(criteria, rules), tuple(warnings))
+    return Evaluation(name, rules.title, found, _messages(found, rules), tuple(warnings))
 
 
 def _judged(criterion: Criterion, limit: Limit) -> Criterion:

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import math
 import warnings
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -91,18 +93,32 @@ def cfc(values: ArrayLike, channel_class: float, time_step: float) -> FloatArray
 
 
 def filtered(signal: FloatArray, channel_class: float, time_step: float) -> FloatArray:
-    """:func:`cfc` of a checked signal, without the warning."""
+    """:func:`cfc` of a checked signal, without the warning; stored column by column."""
+    design = _design(channel_class, time_step)
+    rows = signal.T  # the samples along the last axis
+    rest = np.broadcast_to(rows[..., -1:], (*rows.shape[:-1], design.tail))
+    forward = design.run(np.concatenate((rows, rest), axis=-1))
+    return design.run(forward[..., ::-1])[..., ::-1][..., : len(signal)].T
+
+
+class _Design(NamedTuple):
+    """One pass: its coefficients, the state that holds a value of 1, and the settling samples."""
+
+    b: FloatArray
+    a: FloatArray
+    state: FloatArray
+    tail: int
+
+    def run(self, rows: FloatArray) -> FloatArray:
+        """The pass along the last axis, as if the first value had been there for ever."""
+        output, _ = lfilter(self.b, self.a, rows, zi=rows[..., :1] * self.state)
+        return output  # type: ignore[no-any-return]
+
+
+@lru_cache(maxsize=32)
+def _design(channel_class: float, time_step: float) -> _Design:
     b, a = cfc_coefficients(channel_class, time_step)
     # The transient decays with the real part of the poles, corner / sqrt(2).
     corner = 2.0 * math.pi * CORNER * channel_class
     tail = math.ceil(-math.log(SETTLED) * math.sqrt(2.0) / (corner * time_step))
-    rest = np.broadcast_to(signal[-1], (tail, *signal.shape[1:]))
-    forward = _from_rest(b, a, np.concatenate((signal, rest)))
-    return _from_rest(b, a, forward[::-1])[::-1][: len(signal)]
-
-
-def _from_rest(b: FloatArray, a: FloatArray, signal: FloatArray) -> FloatArray:
-    """One pass, as if the first value had been there for ever."""
-    state = np.multiply.outer(np.array([1.0 - b[0], b[2] - a[2]]), signal[0])
-    output, _ = lfilter(b, a, signal, axis=0, zi=state)
-    return np.asarray(output)
+    return _Design(b, a, np.array([1.0 - b[0], b[2] - a[2]]), tail)

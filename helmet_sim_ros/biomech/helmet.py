@@ -30,7 +30,11 @@ def ground_components(ground_force: ArrayLike) -> tuple[FloatArray, FloatArray]:
     Raises:
         PulseError: wrong shape, or a value that is not finite.
     """
-    force = finite_array("ground_force", ground_force, 3)
+    return normal_and_tangential(finite_array("ground_force", ground_force, 3))
+
+
+def normal_and_tangential(force: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """:func:`ground_components` of a checked force, (n, 3)."""
     return np.maximum(force[:, 2], 0.0), np.hypot(force[:, 0], force[:, 1])
 
 
@@ -48,9 +52,7 @@ def peak_force_ratio(ground_force: ArrayLike) -> float:
     Raises:
         PulseError: wrong shape, or a value that is not finite.
     """
-    normal, tangential = ground_components(ground_force)
-    peak = float(normal.max())
-    return float(tangential.max()) / peak if peak > 0.0 else 0.0
+    return ratio_of_peaks(*ground_components(ground_force))
 
 
 def instant_force_ratio(ground_force: ArrayLike) -> tuple[float, int]:
@@ -64,13 +66,7 @@ def instant_force_ratio(ground_force: ArrayLike) -> tuple[float, int]:
     Raises:
         PulseError: wrong shape, or a value that is not finite.
     """
-    normal, tangential = ground_components(ground_force)
-    pressed = normal > CONTACT_LEVEL * normal.max()
-    if not pressed.any():
-        return 0.0, 0
-    ratio = np.divide(tangential, normal, out=np.zeros_like(normal), where=pressed)
-    i = int(ratio.argmax())
-    return float(ratio[i]), i
+    return largest_ratio(*ground_components(ground_force))
 
 
 def impulse_ratio(ground_force: ArrayLike) -> float:
@@ -85,7 +81,25 @@ def impulse_ratio(ground_force: ArrayLike) -> float:
     Raises:
         PulseError: wrong shape, or a value that is not finite.
     """
-    force = finite_array("ground_force", ground_force, 3)
+    return ratio_of_impulses(finite_array("ground_force", ground_force, 3))
+
+
+def ratio_of_peaks(normal: FloatArray, tangential: FloatArray) -> float:
+    """:func:`peak_force_ratio` of the two amounts, each (n,)."""
+    peak = float(normal.max())
+    return float(tangential.max()) / peak if peak > 0.0 else 0.0
+
+
+def largest_ratio(normal: FloatArray, tangential: FloatArray) -> tuple[float, int]:
+    """:func:`instant_force_ratio` of the two amounts, each (n,)."""
+    pressed = normal > CONTACT_LEVEL * normal.max()
+    ratio = np.divide(tangential, normal, out=np.zeros_like(normal), where=pressed)
+    i = int(ratio.argmax())
+    return float(ratio[i]), i
+
+
+def ratio_of_impulses(force: FloatArray) -> float:
+    """:func:`impulse_ratio` of a checked force, (n, 3)."""
     impulse = force.sum(axis=0) - 0.5 * (force[0] + force[-1])
     normal = float(impulse[2])
     return float(np.hypot(impulse[0], impulse[1])) / normal if normal > 0.0 else 0.0
@@ -128,10 +142,18 @@ def coupling_energy(coupling_force: ArrayLike, coupling_displacement: ArrayLike)
     Raises:
         PulseError: wrong shape, or a value that is not finite.
     """
-    force = finite_array("coupling_force", coupling_force, 3)
-    path = np.diff(finite_array("coupling_displacement", coupling_displacement, 3), axis=0)
-    work = np.cumsum(np.einsum("ij,ij->i", 0.5 * (force[1:] + force[:-1]), path))
-    return Energy(max(float(work.max()), 0.0), float(work[-1]))
+    return work(
+        finite_array("coupling_force", coupling_force, 3),
+        finite_array("coupling_displacement", coupling_displacement, 3),
+    )
+
+
+def work(force: FloatArray, displacement: FloatArray) -> Energy:
+    """:func:`coupling_energy` of checked signals, each (n, 3)."""
+    path = displacement[1:] - displacement[:-1]
+    steps = 0.5 * (force[1:] + force[:-1]) * path
+    done = np.cumsum(steps[:, 0] + steps[:, 1] + steps[:, 2])
+    return Energy(max(float(done.max()), 0.0), float(done[-1]))
 
 
 def restitution(normal_velocity: ArrayLike) -> float | None:
@@ -147,6 +169,10 @@ def restitution(normal_velocity: ArrayLike) -> float | None:
     Raises:
         PulseError: wrong shape, or a value that is not finite.
     """
-    speed = finite_array("normal_velocity", normal_velocity)
+    return rebound_ratio(finite_array("normal_velocity", normal_velocity))
+
+
+def rebound_ratio(speed: FloatArray) -> float | None:
+    """:func:`restitution` of a checked velocity, (n,)."""
     approach, rebound = -float(speed[0]), float(speed.max())
     return rebound / approach if approach > 0.0 and rebound > 0.0 else None

@@ -17,6 +17,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import as_strided
 from numpy.typing import ArrayLike
 
 from helmet_sim_ros.biomech.pulse import FloatArray, positive, resultant_g
@@ -90,49 +91,109 @@ def _sample_windows(
     No window from block I to block J scores more than the velocity gained from the start of I to
     the end of J over the shortest time between them, nor more than the peak held for the longest.
     """
-    n = len(velocity)
-    block = 4 + int(0.5 * max_lag**0.5)  # balances the number of pairs against their size
-    weight = _weights(n, max_lag)
-    begins = np.arange(0, n, block)
-    low = velocity[begins]
-    high = velocity[np.minimum(begins + block - 1, n - 1)]
-    steps = np.arange(min(len(begins) - 1, max_lag // block + 1) + 1)  # from block I to block J
-    lag = steps * block
-    later = np.minimum(np.arange(len(begins))[:, None] + steps, len(begins) - 1)
-    coarse = (low[later] - low[:, None]) * weight[np.minimum(lag, n - 1)]
-    row, step = divmod(int(coarse.argmax()), len(steps))
-    if coarse[row, step] > best[0]:
-        best = (float(coarse[row, step]), float(begins[row]), float(begins[later[row, step]]))
+    grid = _grid(len(velocity), max_lag)
+    block, rows, steps = grid.block, grid.rows, len(grid.reach)
+    # Row I holds block I; zeros follow, so that no window beyond the record gains anything.
+    table = np.zeros((rows + steps, block))
+    table.ravel()[: len(velocity)] = velocity
+    low, high = table[:, 0].copy(), table[:, -1].copy()
+    high[rows - 1] = velocity[-1]
 
-    shortest = np.maximum(lag - (block - 1), 1)
-    longest = np.minimum(lag + block - 1, max_lag)
-    bound = np.minimum((high[later] - low[:, None]) * shortest**-0.6, peak * longest**0.4)
+    def gain(level: FloatArray) -> FloatArray:
+        """From the start of each block I to the level of block I + step, shape (rows, steps)."""
+        later = as_strided(level, (rows, steps), level.strides * 2, writeable=False)
+        return later - low[:rows, None]
+
+    begin = block * (int((gain(low) * grid.apart).argmax()) // steps)
+    best = _climbed(velocity, grid.weight, max_lag, begin, best)
+
+    bound = np.minimum(gain(high) * grid.reach, peak * grid.hold).ravel()
     # A hair of slack: rounding of a bound must not drop the optimum.
     pairs = np.flatnonzero(bound > best[0] * (1.0 - 1e-12))
-    pairs = pairs[np.argsort(-bound.flat[pairs], kind="stable")]
-    inside = np.arange(block)
     batch_size = max(1, BATCH // block**2)
+    if len(pairs) > batch_size:
+        pairs = pairs[np.argsort(-bound[pairs], kind="stable")]
     for k in range(0, len(pairs), batch_size):
-        batch = pairs[k : k + batch_size]
-        if bound.flat[batch[0]] <= best[0]:
+        if k and bound[pairs[k]] <= best[0]:
             break
-        rows, columns = batch // len(steps), later.flat[batch]
-        starts = np.minimum(begins[rows][:, None] + inside, n - 1)
-        ends = np.minimum(begins[columns][:, None] + inside, n - 1)
-        lags = np.maximum(ends[:, None, :] - starts[:, :, None], 0)
-        score = (velocity[ends][:, None, :] - velocity[starts][:, :, None]) * weight[lags]
+        first, step = np.divmod(pairs[k : k + batch_size], steps)
+        final = first + step
+        score = table[final][:, None, :] - table[first][:, :, None]
+        score *= grid.within[step]
         top = int(score.argmax())
         if score.flat[top] > best[0]:
             pair, a, b = np.unravel_index(top, score.shape)
-            best = (float(score.flat[top]), float(starts[pair, a]), float(ends[pair, b]))
+            best = (
+                float(score.flat[top]),
+                float(block * first[pair] + a),
+                float(block * final[pair] + b),
+            )
     return best
 
 
+def _climbed(
+    velocity: FloatArray,
+    weight: FloatArray,
+    max_lag: int,
+    first: int,
+    best: tuple[float, float, float],
+) -> tuple[float, float, float]:
+    """The better of ``best`` and the window reached by moving one end at a time, from ``first``."""
+    while True:
+        ends = velocity[first + 1 : first + 1 + max_lag]
+        final = first + 1 + int(((ends - velocity[first]) * weight[1 : len(ends) + 1]).argmax())
+        begins = velocity[max(0, final - max_lag) : final]
+        score = (velocity[final] - begins) * weight[len(begins) : 0 : -1]
+        k = int(score.argmax())
+        if score[k] <= best[0]:
+            return best
+        first = final - len(begins) + k
+        best = (float(score[k]), float(first), float(final))
+
+
+class _Grid(NamedTuple):
+    """What the search for windows of up to ``max_lag`` of n samples needs beside the samples.
+
+    Attributes:
+        block: samples per block.
+        rows: blocks.
+        weight: lag^-0.6 for each lag up to ``max_lag``, 0 for lag 0 and beyond, shape (n,).
+        apart: the same between the starts of blocks I and I + step, shape (steps,).
+        reach: the most it can be between their samples, shape (steps,).
+        hold: lag^0.4 of the longest lag between their samples, shape (steps,).
+        within: the weight between each two of their samples, shape (steps, block, block).
+    """
+
+    block: int
+    rows: int
+    weight: FloatArray
+    apart: FloatArray
+    reach: FloatArray
+    hold: FloatArray
+    within: FloatArray
+
+
 @lru_cache(maxsize=32)
-def _weights(samples: int, max_lag: int) -> FloatArray:
-    """lag^-0.6 for every lag up to ``max_lag``, 0 for lag 0 and beyond."""
-    weight = np.zeros(samples)
-    lags = np.arange(1, min(max_lag, samples - 1) + 1, dtype=np.float64)
-    weight[1 : len(lags) + 1] = lags**-0.6
+def _grid(samples: int, max_lag: int) -> _Grid:
+    block = 4 + int(0.5 * max_lag**0.5)  # balances the number of pairs against their size
+    rows = -(-samples // block)
+    steps = min(rows - 1, max_lag // block + 1) + 1
+    before = block - 1  # lags below 0
+    weight = np.zeros(before + samples + (steps + 1) * block)
+    lags = np.arange(1, max_lag + 1, dtype=np.float64)
+    weight[before + 1 : before + 1 + max_lag] = lags**-0.6
     weight.flags.writeable = False
-    return weight
+    lag = block * np.arange(steps)
+    stride = weight.strides[0]
+    return _Grid(
+        block,
+        rows,
+        weight=weight[before : before + samples],
+        apart=weight[before + lag],
+        reach=np.maximum(lag - before, 1) ** -0.6,
+        hold=np.minimum(lag + before, max_lag) ** 0.4,
+        within=as_strided(
+            weight[before:], (steps, block, block), (block * stride, -stride, stride),
+            writeable=False,
+        ),
+    )  # fmt: skip

@@ -71,18 +71,22 @@ def kept_level(resultant: FloatArray, time_step: float, lags: float) -> Span:
     """
     nodes = np.arange(len(resultant), dtype=np.float64)
     latest = max(nodes[-1] - lags, 0.0)
-    whole = nodes[: int(latest + 1e-9) + 1]
-    cut = nodes[int(np.ceil(lags - 1e-9)) :] - lags
-    starts = np.union1d(np.minimum(whole, latest), np.clip(cut, 0.0, latest))
+    # The starts with one end on a sample, in order: each whole one, then that with a whole end.
+    whole = np.minimum(nodes[: int(latest + 1e-9) + 1], latest)
+    cut = np.ceil(lags - 1e-9) - lags  # 0 if both are the same
+    starts = whole
+    if cut > 1e-9:
+        starts = np.stack((whole, whole + cut), axis=1).ravel()
+        starts = np.minimum(starts[: np.searchsorted(starts, latest + 1e-9)], latest)
     ahead = np.interp(starts, nodes, resultant)
     behind = np.interp(starts + lags, nodes, resultant)
     difference = ahead - behind
     crosses = np.flatnonzero(difference[:-1] * difference[1:] < 0.0)
     share = difference[crosses] / (difference[crosses] - difference[crosses + 1])
     level = starts[crosses] + share * (starts[crosses + 1] - starts[crosses])
+    kept = np.concatenate((np.minimum(ahead, behind), np.interp(level, nodes, resultant)))
     starts = np.concatenate((starts, level))
     ends = starts + lags
-    kept = np.minimum(np.interp(starts, nodes, resultant), np.interp(ends, nodes, resultant))
 
     # The samples inside, whose number is the whole part of lags or one more, as two runs.
     run = max(int(lags + 1e-9), 1)
@@ -201,12 +205,12 @@ def dwell(acceleration_g: ArrayLike, time_step: float, threshold: float) -> floa
 
 def time_above(resultant: FloatArray, time_step: float, threshold: float) -> float:
     """:func:`dwell` of a checked resultant, (n,)."""
-    low = np.minimum(resultant[1:], resultant[:-1])
-    high = np.maximum(resultant[1:], resultant[:-1])
-    inside = float(np.count_nonzero(low >= threshold))
-    crossing = (low < threshold) & (high > threshold)
-    low, high = low[crossing], high[crossing]
-    return (inside + float(((high - threshold) / (high - low)).sum())) * time_step
+    above = resultant >= threshold
+    inside = float(np.count_nonzero(above[1:] & above[:-1]))
+    crossing = np.flatnonzero(above[1:] ^ above[:-1])
+    one, other = resultant[crossing], resultant[crossing + 1]
+    high = np.maximum(one, other)
+    return (inside + float(((high - threshold) / np.abs(one - other)).sum())) * time_step
 
 
 def velocity_change(acceleration_g: ArrayLike, time_step: float) -> Span:

@@ -1,227 +1,198 @@
-"""Every criterion of a record, before any standard judges it."""
+"""The criteria of a record, before any standard judges them: one formula per name."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, NamedTuple
 
-import numpy as np
-
-from helmet_sim_ros.biomech import catalogue, helmet, linear, risk, rotation
-from helmet_sim_ros.biomech.filters import CORNER, filtered, sample_rate_warning
-from helmet_sim_ros.biomech.hic import Hic, maximum_window
-from helmet_sim_ros.biomech.neck import NeckLoads, neck_loads
-from helmet_sim_ros.biomech.pulse import (
-    STANDARD_GRAVITY,
-    FloatArray,
-    finite_array,
-    magnitude,
-    uniform_time_step,
-)
+from helmet_sim_ros.biomech import catalogue, helmet, linear, neck, risk, rotation
+from helmet_sim_ros.biomech.hic import maximum_window
+from helmet_sim_ros.biomech.pulse import FloatArray
 from helmet_sim_ros.biomech.record import ImpactRecord
 from helmet_sim_ros.biomech.result import Criterion
-from helmet_sim_ros.errors import PulseError
+from helmet_sim_ros.biomech.signals import NotGiven, RawSignals, Signals
 
-#: The setup value that :func:`bottoming` needs.
+#: The setup value that ``bottoming`` needs.
 THICKNESS = "helmet.liner.thickness"
-#: Changes of velocity below this [m/s] are too small to tell a unit from.
-SMALL_CHANGE = 0.5
 
 
-class Measures:
-    """The criteria of one record, with what weakens them.
+class Found(NamedTuple):
+    """What a formula finds.
 
     Attributes:
-        criteria: by name, in the catalogue's groups.
-        warnings: in words.
+        value: in the catalogue's unit.
+        window: the interval that it belongs to, from the first sample on [s].
+        sample: where the peak is.
+        note: what a reader of this one number must know.
     """
 
-    def __init__(self, record: ImpactRecord, wanted: Iterable[str] = ()) -> None:
-        """Compute them.
+    value: float
+    window: tuple[float, float] | None = None
+    sample: int | None = None
+    note: str = ""
 
-        Args:
-            record: the impact.
-            wanted: names that must be there if they can be; for dwell times beyond the catalogue.
 
-        Raises:
-            PulseError: a channel is not finite, the time is not uniform, or the acceleration is
-                in another unit than the velocity says.
-        """
-        self.criteria: dict[str, Criterion] = {}
-        self.warnings: list[str] = []
-        self._record = record
-        self._step = uniform_time_step(record.time)
-        self._start = float(record.time[0])
-        names = [*catalogue.CATALOGUE, *wanted]
-        self._dwells = sorted({t for t in map(catalogue.dwell_threshold, names) if t is not None})
+Formula = Callable[[Any], Found]
 
-        acceleration = finite_array("head_acceleration", record.head_acceleration, 3)
-        self._refuse_wrong_unit(acceleration)
-        alpha = self._head_axes("head_angular_acceleration")
-        loads = neck_loads(record.neck_force, record.neck_torque)
 
-        self._linear(acceleration / STANDARD_GRAVITY, "")
-        self._rotation(alpha)
-        self._helmet()
-        self._neck(loads)
-        self._risk()
-        self._filtered(acceleration / STANDARD_GRAVITY, alpha)
+def measure(
+    record: ImpactRecord, wanted: Iterable[str]
+) -> tuple[dict[str, Criterion], tuple[str, ...]]:
+    """The wanted criteria of a record, as far as it gives them, and what weakens them, in words.
 
-    def _add(
-        self, name: str, value: float, window: tuple[float, float] | None = None, note: str = ""
-    ) -> None:
+    A value does not depend on what else is wanted.
+
+    Args:
+        record: the impact.
+        wanted: names, in any order.
+
+    Returns:
+        The criteria by name, in the order of ``FORMULAS``, then further dwell times.
+
+    Raises:
+        PulseError: unknown name, or the record is refused (see :class:`RawSignals`).
+    """
+    units = {name: catalogue.entry(name).unit for name in wanted}
+    further = sorted(units.keys() - FORMULAS.keys())
+    formulas = [(name, FORMULAS[name]) for name in FORMULAS if name in units]
+    formulas += [(name, _formula_of_dwell(name)) for name in further]
+
+    signals = RawSignals(record)
+    criteria = {}
+    start = float(record.time[0])
+    for name, formula in formulas:
+        try:
+            value, window, sample, note = formula(signals)
+        except NotGiven as reason:
+            signals.warnings.append(str(reason))
+            continue
         if window is not None:
-            window = (self._start + window[0], self._start + window[1])
-        unit = catalogue.entry(name).unit
-        self.criteria[name] = Criterion(name, float(value), unit, window=window, note=note)
-
-    def _head_axes(self, channel: str) -> FloatArray:
-        world = getattr(self._record, channel)
-        return rotation.to_head_axes(world, self._record.head_orientation, channel)
-
-    def _peak(self, name: str, signal: FloatArray, note: str = "") -> None:
-        i = int(signal.argmax())
-        self._at(name, signal[i], i, note)
-
-    def _at(self, name: str, value: float, sample: int, note: str = "") -> None:
-        unit = catalogue.entry(name).unit
-        time = float(self._record.time[sample])
-        self.criteria[name] = Criterion(name, float(value), unit, time=time, note=note)
-
-    def _linear(self, acceleration_g: FloatArray, suffix: str) -> None:
-        step = self._step
-        resultant = magnitude(acceleration_g)
-        self._peak("peak_g" + suffix, resultant)
-        unlimited = maximum_window(resultant, step)
-        hic36 = _shortened(unlimited, resultant, step, 0.036)
-        hic15 = _shortened(hic36, resultant, step, 0.015)
-        for name, best in (("hic", unlimited), ("hic15", hic15), ("hic36", hic36)):
-            self._add(name + suffix, best.value, best[1:])
-        mean = linear.mean_of_window(hic15)
-        self._add("sfc" + suffix, mean.value, mean[1:])
-        self._add("hic_d" + suffix, linear.hic_d(self.criteria["hic36" + suffix].value))
-        self._add("gsi" + suffix, linear.severity(resultant, step))
-        lags = linear.CLIP_DURATION / step
-        if lags <= (len(resultant) - 1) * (1.0 + 1e-12):
-            kept = linear.kept_level(resultant, step, lags)
-            self._add("clip_3ms" + suffix, kept.value, kept[1:])
-        elif not suffix:
-            self.warnings.append("clip_3ms: the record is shorter than 3 ms")
-        for level in self._dwells:
-            self._add(f"dwell_{level:g}g{suffix}", linear.time_above(resultant, step, level))
-        pulse = linear.span_about_peak(resultant, step, linear.DURATION_LEVEL)
-        self._add("pulse_duration" + suffix, pulse.value, pulse[1:])
-        change = linear.largest_change(acceleration_g, step)
-        self._add("velocity_change" + suffix, change.value, change[1:])
-
-    def _rotation(self, alpha: FloatArray) -> None:
-        omega = self._head_axes("head_angular_velocity")
-        self._peak("peak_angular_velocity", magnitude(omega))
-        self._peak("peak_angular_acceleration", magnitude(alpha))
-        self._add("bric", rotation.bric(omega))
-        self._add("bric_mps", rotation.bric(omega, "mps"))
-        self._add("bric_csdm", rotation.bric(omega, "csdm"))
-        self._add("ubric", rotation.ubric(omega, alpha))
-        self._add("damage", rotation.damage(alpha, self._step))
-        best = rotation.ric(alpha, self._step)
-        self._add("ric", best.value, best[1:])
-        peak = self.criteria["peak_angular_velocity"].value
-        self._add("klc", rotation.klc(peak, self.criteria["hic36"].value))
-
-    def _helmet(self) -> None:
-        record = self._record
-        normal, tangential = helmet.ground_components(record.ground_force)
-        self._peak("peak_normal_force", normal)
-        self._peak("peak_tangential_force", tangential)
-        self._add("force_ratio", helmet.peak_force_ratio(record.ground_force))
-        self._at("instant_force_ratio", *helmet.instant_force_ratio(record.ground_force))
-        self._add("impulse_ratio", helmet.impulse_ratio(record.ground_force))
-        self._peak("peak_compression", helmet.compression(record.coupling_displacement))
-        if THICKNESS in record.setup:
-            most = self.criteria["peak_compression"].value
-            share = helmet.bottoming(most, record.setup[THICKNESS])
-            self._add("bottoming", share, note="EPS densifies from about 0.65 on")
-        energy = helmet.coupling_energy(record.coupling_force, record.coupling_displacement)
-        self._add("energy_peak", energy.peak)
-        self._add("energy_absorbed", energy.absorbed)
-        finite_array("head_velocity", record.head_velocity, 3)
-        rebound = helmet.restitution(record.head_velocity[:, 2])
-        if rebound is None:
-            self.warnings.append("restitution: the head does not approach and rebound")
-        else:
-            self._add("restitution", rebound)
-
-    def _neck(self, loads: NeckLoads) -> None:
-        pressed = loads.compression.max() >= loads.tension.max()
-        axial = loads.compression + loads.tension
-        self._peak("peak_neck_axial", axial, note="compression" if pressed else "tension")
-        self._peak("peak_neck_compression", loads.compression)
-        self._peak("peak_neck_tension", loads.tension)
-        self._peak("peak_neck_shear", loads.shear)
-        self._peak("peak_neck_bending", loads.bending)
-        self._peak("peak_neck_torsion", loads.torsion)
-
-    def _risk(self) -> None:
-        hic15, bric = self.criteria["hic15"].value, self.criteria["bric_mps"].value
-        lognormal = {"risk_skull_fracture": 2, "risk_head_ais3": 3, "risk_head_ais4": 4}
-        for name, ais in lognormal.items():
-            self._add(name, risk.risk_lognormal(hic15, ais), note=risk.POPULATION_HIC)
-        for ais in risk.PRASAD_MERTZ:
-            name = "risk_hic_fatal" if ais == 6 else f"risk_hic_ais{ais}"
-            self._add(name, risk.risk_prasad_mertz(hic15, ais), note=risk.POPULATION_HIC)
-        for ais in risk.BRIC_SCALE:
-            value = risk.risk_bric(bric, ais)
-            self._add(f"risk_bric_ais{ais}", value, note=risk.POPULATION_BRIC)
-
-    def _filtered(self, acceleration_g: FloatArray, alpha: FloatArray) -> None:
-        """The criteria again after the channel filters of SAE J211."""
-        step, record = self._step, self._record
-        if 2.0 * CORNER * 1000.0 * step >= 1.0:
-            self.warnings.append(
-                f"no CFC 1000 values: sampled at {1e-3 / step:.4g} kHz, which is too coarse"
-            )
-            return
-        if problem := sample_rate_warning(1000, step):
-            self.warnings.append(problem)
-        force, torque = np.asarray(record.neck_force), np.asarray(record.neck_torque)
-        channels = np.hstack((acceleration_g, alpha, force))
-        channels = filtered(channels, 1000, step)
-        self._linear(channels[:, :3], "_cfc1000")
-        self._peak("peak_angular_acceleration_cfc1000", magnitude(channels[:, 3:6]))
-        moments = filtered(torque, catalogue.MOMENT_CLASS, step)
-        loads = neck_loads(channels[:, 6:], moments)
-        self._peak("peak_neck_compression_cfc1000", loads.compression)
-        self._peak("peak_neck_tension_cfc1000", loads.tension)
-        self._peak("peak_neck_shear_cfc1000", loads.shear)
-        self._peak("peak_neck_bending_cfc600", loads.bending)
-
-    def _refuse_wrong_unit(self, acceleration: FloatArray) -> None:
-        """Refuse an acceleration in g, or too large by 9.80665, which the velocity gives away."""
-        change = finite_array("head_velocity", self._record.head_velocity, 3)
-        change = change - change[0]
-        scale = float(magnitude(change).max())
-        if scale < SMALL_CHANGE:
-            return
-        integral = linear.velocity(acceleration, self._step)
-
-        def misfit(factor: float) -> float:
-            return float(magnitude(change - factor * integral).max()) / scale
-
-        if misfit(1.0) < 0.1:
-            return
-        if misfit(STANDARD_GRAVITY) < 0.1:
-            raise PulseError(
-                "head_acceleration: looks like g where m/s^2 is meant: the change of head_velocity "
-                "is 9.81 times its integral"
-            )
-        if misfit(1.0 / STANDARD_GRAVITY) < 0.1:
-            raise PulseError(
-                "head_acceleration: larger than m/s^2 by 9.81: its integral is 9.81 times the "
-                "change of head_velocity"
-            )
+            window = (start + window[0], start + window[1])
+        time = None if sample is None else float(record.time[sample])
+        criteria[name] = Criterion(name, float(value), units[name], window, time, note=note)
+    return criteria, tuple(dict.fromkeys(filter(None, signals.warnings)))
 
 
-def _shortened(best: Hic, resultant: FloatArray, time_step: float, window: float) -> Hic:
-    """The maximum within ``window``, given the one within a longer window."""
-    if best.t2 - best.t1 <= window * (1.0 + 1e-12):
-        return best  # the best of more windows is the best of these
-    return maximum_window(resultant, time_step, window)
+def _peak(signal: FloatArray, note: str = "") -> Found:
+    i = int(signal.argmax())
+    return Found(float(signal[i]), sample=i, note=note)
+
+
+def _over(found: tuple[float, float, float]) -> Found:
+    """A value with its window."""
+    return Found(found[0], window=found[1:])
+
+
+def _above(level: float) -> Formula:
+    return lambda s: Found(linear.time_above(s.resultant, s.step, level))
+
+
+def _filtered(formula: Formula) -> Formula:
+    return lambda s: formula(s.filtered)
+
+
+def _formula_of_dwell(name: str) -> Formula:
+    formula = _above(catalogue.dwell_threshold(name) or 0.0)
+    return _filtered(formula) if name.endswith("_cfc1000") else formula
+
+
+def _neck_axial(s: Signals) -> Found:
+    pressed, pulled = neck.compression(s.neck_force), neck.tension(s.neck_force)
+    kind = "compression" if pressed.max() >= pulled.max() else "tension"
+    return _peak(pressed + pulled, note=kind)
+
+
+def _bottoming(s: RawSignals) -> Found:
+    if THICKNESS not in s.record.setup:
+        raise NotGiven
+    share = helmet.bottoming(float(s.compression.max()), s.record.setup[THICKNESS])
+    return Found(share, note="EPS densifies from about 0.65 on")
+
+
+def _instant_force_ratio(s: RawSignals) -> Found:
+    value, sample = helmet.largest_ratio(*s.ground_amounts)
+    return Found(value, sample=sample)
+
+
+def _restitution(s: RawSignals) -> Found:
+    ratio = helmet.rebound_ratio(s.normal_velocity)
+    if ratio is None:
+        raise NotGiven("restitution: the head does not approach and rebound")
+    return Found(ratio)
+
+
+def _hic_risk(curve: Callable[[float, int], float], ais: int) -> Formula:
+    return lambda s: Found(curve(s.hic15.value, ais), note=risk.POPULATION_HIC)
+
+
+def _bric_risk(ais: int) -> Formula:
+    def formula(s: RawSignals) -> Found:
+        value = risk.risk_bric(rotation.bric_of(s.rate_peaks, "mps"), ais)
+        return Found(value, note=risk.POPULATION_BRIC)
+
+    return formula
+
+
+_LINEAR: Mapping[str, Formula] = {
+    "peak_g": lambda s: _peak(s.resultant),
+    "hic": lambda s: _over(s.hic),
+    "hic15": lambda s: _over(s.hic15),
+    "hic36": lambda s: _over(s.hic36),
+    "sfc": lambda s: _over(linear.mean_of_window(s.hic15)),
+    "hic_d": lambda s: Found(linear.hic_d(s.hic36.value)),
+    "gsi": lambda s: Found(linear.severity(s.resultant, s.step)),
+    "clip_3ms": lambda s: _over(s.clip_3ms),
+    "dwell_150g": _above(150.0),
+    "dwell_200g": _above(200.0),
+    "pulse_duration": lambda s: _over(
+        linear.span_about_peak(s.resultant, s.step, linear.DURATION_LEVEL)
+    ),
+    "velocity_change": lambda s: _over(linear.largest_change(s.acceleration_g, s.step)),
+}
+_ROTATION: Mapping[str, Formula] = {
+    "peak_angular_velocity": lambda s: _peak(s.rate),
+    "peak_angular_acceleration": lambda s: _peak(s.spin),
+    "bric": lambda s: Found(rotation.bric_of(s.rate_peaks, "average")),
+    "bric_mps": lambda s: Found(rotation.bric_of(s.rate_peaks, "mps")),
+    "bric_csdm": lambda s: Found(rotation.bric_of(s.rate_peaks, "csdm")),
+    "ubric": lambda s: Found(rotation.ubric_of(s.angular_velocity, s.angular_acceleration)),
+    "damage": lambda s: Found(rotation.brain_strain(s.angular_acceleration, s.step)),
+    "ric": lambda s: _over(maximum_window(s.spin, s.step, rotation.RIC_WINDOW)),
+    "klc": lambda s: Found(rotation.klc(float(s.rate.max()), s.hic36.value)),
+}
+_HELMET: Mapping[str, Formula] = {
+    "peak_normal_force": lambda s: _peak(s.ground_amounts[0]),
+    "peak_tangential_force": lambda s: _peak(s.ground_amounts[1]),
+    "force_ratio": lambda s: Found(helmet.ratio_of_peaks(*s.ground_amounts)),
+    "instant_force_ratio": _instant_force_ratio,
+    "impulse_ratio": lambda s: Found(helmet.ratio_of_impulses(s.ground_force)),
+    "peak_compression": lambda s: _peak(s.compression),
+    "bottoming": _bottoming,
+    "energy_peak": lambda s: Found(s.energy.peak),
+    "energy_absorbed": lambda s: Found(s.energy.absorbed),
+    "restitution": _restitution,
+}
+_NECK: Mapping[str, Formula] = {
+    "peak_neck_axial": _neck_axial,
+    "peak_neck_compression": lambda s: _peak(neck.compression(s.neck_force)),
+    "peak_neck_tension": lambda s: _peak(neck.tension(s.neck_force)),
+    "peak_neck_shear": lambda s: _peak(neck.across(s.neck_force)),
+    "peak_neck_bending": lambda s: _peak(neck.across(s.neck_torque)),
+    "peak_neck_torsion": lambda s: _peak(neck.torsion(s.neck_torque)),
+}
+_RISK: Mapping[str, Formula] = {
+    "risk_skull_fracture": _hic_risk(risk.risk_lognormal, 2),
+    "risk_head_ais3": _hic_risk(risk.risk_lognormal, 3),
+    "risk_head_ais4": _hic_risk(risk.risk_lognormal, 4),
+    **{f"risk_hic_ais{ais}": _hic_risk(risk.risk_prasad_mertz, ais) for ais in range(1, 6)},
+    "risk_hic_fatal": _hic_risk(risk.risk_prasad_mertz, 6),
+    **{f"risk_bric_ais{ais}": _bric_risk(ais) for ais in risk.BRIC_SCALE},
+}
+_RAW = {**_LINEAR, **_ROTATION, **_HELMET, **_NECK, **_RISK}
+
+#: How each criterion of the catalogue is found from the signals of a record.
+FORMULAS: Mapping[str, Formula] = _RAW | {
+    catalogue.filtered_name(name): _filtered(formula)
+    for name, formula in _RAW.items()
+    if catalogue.filtered_name(name) in catalogue.CATALOGUE
+}

@@ -38,12 +38,28 @@ def neck_loads(neck_force: ArrayLike, neck_torque: ArrayLike) -> NeckLoads:
     Raises:
         PulseError: wrong shape, or a value that is not finite.
     """
-    fx, fy, fz = finite_array("neck_force", neck_force, 3).T
-    mx, my, mz = finite_array("neck_torque", neck_torque, 3).T
+    force = finite_array("neck_force", neck_force, 3)
+    torque = finite_array("neck_torque", neck_torque, 3)
     return NeckLoads(
-        compression=np.maximum(fz, 0.0),
-        tension=np.maximum(-fz, 0.0),
-        shear=np.hypot(fx, fy),
-        bending=np.hypot(mx, my),
-        torsion=np.abs(mz),
+        compression(force), tension(force), across(force), across(torque), torsion(torque)
     )
+
+
+def compression(force: FloatArray) -> FloatArray:
+    """Axial force pressing the neck together, (n,), of a checked force, (n, 3)."""
+    return np.maximum(force[:, 2], 0.0)
+
+
+def tension(force: FloatArray) -> FloatArray:
+    """Axial force pulling the neck, (n,), of a checked force, (n, 3)."""
+    return np.maximum(-force[:, 2], 0.0)
+
+
+def across(load: FloatArray) -> FloatArray:
+    """Shear of a checked force, or bending of a checked moment, (n, 3) -> (n,)."""
+    return np.hypot(load[:, 0], load[:, 1])
+
+
+def torsion(torque: FloatArray) -> FloatArray:
+    """Amount of the moment about the neck's axis, (n,), of a checked moment, (n, 3)."""
+    return np.abs(torque[:, 2])

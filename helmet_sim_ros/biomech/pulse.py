@@ -26,7 +26,7 @@ IMPLAUSIBLE_SEVERITY = 1e5
 
 
 def finite_array(name: str, values: ArrayLike, *columns: int, minimum: int = 2) -> FloatArray:
-    """The values as a float array, checked.
+    """The values as a float array, checked; a table (n, m) is stored column by column.
 
     Args:
         name: what to call them in an error.
@@ -42,8 +42,9 @@ def finite_array(name: str, values: ArrayLike, *columns: int, minimum: int = 2) 
         given = np.asarray(values)
         if given.dtype.kind == "c":
             raise TypeError
-        # one order in memory: sums of the same samples have the same bits
-        array = np.asarray(given, dtype=np.float64, order="C")
+        # One order in memory: sums of the same samples have the same bits. That of columns, since
+        # every criterion works along the samples.
+        array = np.asarray(given, dtype=np.float64, order="F")
     except (TypeError, ValueError):
         raise PulseError(f"{name}: must be an array of real numbers") from None
     width = {1: 0}.get(array.ndim, array.shape[1] if array.ndim == 2 else -1)

@@ -61,11 +61,26 @@ def to_head_axes(vectors: ArrayLike, orientation: ArrayLike, name: str = "vector
     q = finite_array("head_orientation", orientation, 4)
     if len(v) != len(q):
         raise PulseError(f"head_orientation: {len(q)} samples, but {name} has {len(v)}")
+    refuse_no_rotation(q)
+    return turned_back(v, q)
+
+
+def refuse_no_rotation(q: FloatArray) -> None:
+    """Refuse finite quaternions x, y, z, w, shape (n, 4), unless each is a unit quaternion.
+
+    Raises:
+        PulseError: one is not, by more than 1e-3 of its squared length.
+    """
     x, y, z, w = q.T
-    norm = x * x + y * y + z * z + w * w
-    worst = int(np.abs(norm - 1.0).argmax())
-    if abs(norm[worst] - 1.0) > 1e-3:
+    error = np.abs(x * x + y * y + z * z + w * w - 1.0)
+    worst = int(error.argmax())
+    if error[worst] > 1e-3:
         raise PulseError(f"head_orientation: not a unit quaternion at sample {worst}: {q[worst]}")
+
+
+def turned_back(v: FloatArray, q: FloatArray) -> FloatArray:
+    """:func:`to_head_axes` of checked vectors, (n, 3), and unit quaternions, (n, 4)."""
+    x, y, z, w = q.T
     a, b, c = v.T
     # v' = v + 2 w (v x u) + 2 (v x u) x u, the inverse rotation, with u = (x, y, z)
     p, r, s = b * z - c * y, c * x - a * z, a * y - b * x
@@ -90,7 +105,16 @@ def bric(
     """
     if critical not in BRIC_CRITICAL:
         raise PulseError(f"critical = {critical!r}: must be one of {', '.join(BRIC_CRITICAL)}")
-    peaks = np.abs(finite_array("angular_velocity", angular_velocity, 3)).max(axis=0)
+    return bric_of(axis_peaks(finite_array("angular_velocity", angular_velocity, 3)), critical)
+
+
+def axis_peaks(signal: FloatArray) -> FloatArray:
+    """The largest amount on each axis, shape (3,), of a checked signal, (n, 3)."""
+    return np.abs(signal).max(axis=0)  # type: ignore[no-any-return]
+
+
+def bric_of(peaks: FloatArray, critical: str) -> float:
+    """:func:`bric` of the peaks of the axes, shape (3,), for a known set of critical values."""
     return float(np.linalg.norm(peaks / BRIC_CRITICAL[critical]))
 
 
@@ -107,9 +131,15 @@ def ubric(angular_velocity: ArrayLike, angular_acceleration: ArrayLike) -> float
     Raises:
         PulseError: bad signal.
     """
-    w = np.ptp(finite_array("angular_velocity", angular_velocity, 3), axis=0) / UBRIC_VELOCITY
-    peaks = np.abs(finite_array("angular_acceleration", angular_acceleration, 3)).max(axis=0)
-    a = peaks / UBRIC_ACCELERATION
+    omega = finite_array("angular_velocity", angular_velocity, 3)
+    alpha = finite_array("angular_acceleration", angular_acceleration, 3)
+    return ubric_of(omega, alpha)
+
+
+def ubric_of(omega: FloatArray, alpha: FloatArray) -> float:
+    """:func:`ubric` of checked signals, each (n, 3)."""
+    w = (omega.max(axis=0) - omega.min(axis=0)) / UBRIC_VELOCITY
+    a = axis_peaks(alpha) / UBRIC_ACCELERATION
     turning = w > 0.0  # the limit for w -> 0 is 0
     w, a = w[turning], a[turning]
     return float(np.linalg.norm(w + (a - w) * np.exp(-a / w)))
@@ -128,12 +158,17 @@ def damage(angular_acceleration: ArrayLike, time_step: float) -> float:
     Raises:
         PulseError: bad signal or time step.
     """
-    alpha = finite_array("angular_acceleration", angular_acceleration, 3) * SAE_SIGN
-    modes, filters = _damage_filters(positive("time_step", time_step))
+    alpha = finite_array("angular_acceleration", angular_acceleration, 3)
+    return brain_strain(alpha, positive("time_step", time_step))
+
+
+def brain_strain(alpha: FloatArray, time_step: float) -> float:
+    """:func:`damage` of a checked acceleration, (n, 3)."""
+    modes, filters = _damage_filters(time_step)
     drive = alpha @ modes
     answers = [_oscillate(b, a, first, drive[:, i]) for i, (b, a, first) in enumerate(filters)]
     # The modes are orthonormal, so the length of x is the length of the modal displacement.
-    return DAMAGE_SCALE * float(magnitude(np.stack(answers, axis=1)).max())
+    return DAMAGE_SCALE * float(magnitude(np.stack(answers).T).max())
 
 
 def ric(angular_acceleration: ArrayLike, time_step: float) -> Hic:
@@ -174,7 +209,7 @@ def damage_stiffness() -> FloatArray:
 def _damage_filters(
     time_step: float,
 ) -> tuple[FloatArray, tuple[tuple[FloatArray, FloatArray, FloatArray], ...]]:
-    """The modes, shape (3, 3), and per mode the recursion of its displacement.
+    """The modes in head axes, shape (3, 3), and per mode the recursion of its displacement.
 
     With state s = (x, x') and drive u, s1 = Phi s0 + G0 u0 + G1 u1 exactly for a linear u. Its
     first component obeys x2 = tr Phi x1 - det Phi x0 + b0 u2 + b1 u1 + b2 u0.
@@ -193,7 +228,7 @@ def _damage_filters(
         b = np.array([g1[0], g0[0] + rest[0] @ g1, rest[0] @ g0])
         a = np.array([1.0, -np.trace(phi), np.linalg.det(phi)])
         filters.append((b, a, np.array([g0[0], g1[0]])))
-    return modes, tuple(filters)
+    return SAE_SIGN[:, None] * modes, tuple(filters)
 
 
 def _oscillate(b: FloatArray, a: FloatArray, first: FloatArray, drive: FloatArray) -> FloatArray:

@@ -47,7 +47,7 @@ def run_row(job: Job, values: Mapping[str, Any]) -> Outcome:
     from helmet_sim_ros.model.setup import setup_from_names
 
     try:
-        result = evaluate(simulate(setup_from_names(values)), job.standard)
+        result = evaluate(simulate(setup_from_names(values)), job.standard, job.criteria)
     except Exception as error:  # one bad case must not stop a study
         return Outcome("failed", f"{type(error).__name__}: {error}"[:MAX_ERROR])
     found = result.criteria
