@@ -2,8 +2,9 @@
 
     python bench/bench_stepping.py
 
-Prints the stepping loop over a bare ``mj_step`` loop on the same model and motion, and a whole
-impact (set-up, stepping, record) over its stepping alone. CPU time of one process; median of
+Prints the stepping loop over a bare ``mj_step`` loop on the same model and motion (without any
+of our forces; a sample at every step, which is the dearer case), and a whole impact (set-up,
+stepping, record, all criteria) over its stepping alone. CPU time of one process; median of
 interleaved rounds.
 """
 
