@@ -96,7 +96,7 @@ def filtered(signal: FloatArray, channel_class: float, time_step: float) -> Floa
     """:func:`cfc` of a checked signal, without the warning; stored column by column."""
     design = _design(channel_class, time_step)
     rows = signal.T  # the samples along the last axis
-    rest = np.broadcast_to(rows[..., -1:], (*rows.shape[:-1], design.tail))
+    rest = rows[..., -1:].repeat(design.tail, axis=-1)
     forward = design.run(np.concatenate((rows, rest), axis=-1))
     return design.run(forward[..., ::-1])[..., ::-1][..., : len(signal)].T
 

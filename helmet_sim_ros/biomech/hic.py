@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import as_strided
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from helmet_sim_ros.biomech.pulse import FloatArray, positive, resultant_g
 
@@ -53,9 +53,8 @@ def hic(acceleration_g: ArrayLike, time_step: float, window: float | None = None
 
 def maximum_window(values: FloatArray, time_step: float, window: float | None = None) -> Hic:
     """The HIC formula on any checked signal of amounts, shape (n,), nowhere negative."""
-    velocity = np.empty(len(values))  # in units of one time step
-    velocity[0] = 0.0
-    np.cumsum(0.5 * (values[1:] + values[:-1]), out=velocity[1:])
+    velocity = np.zeros(len(values))  # in units of one time step
+    (0.5 * (values[1:] + values[:-1])).cumsum(out=velocity[1:])
     last = len(values) - 1
     best = (0.0, 0.0, 0.0)  # score, first and last sample of the window
     max_lag = last
@@ -98,16 +97,14 @@ def _sample_windows(
     table.ravel()[: len(velocity)] = velocity
     low, high = table[:, 0].copy(), table[:, -1].copy()
     high[rows - 1] = velocity[-1]
+    start = low[:rows, None]
 
-    def gain(level: FloatArray) -> FloatArray:
-        """From the start of each block I to the level of block I + step, shape (rows, steps)."""
-        later = as_strided(level, (rows, steps), level.strides * 2, writeable=False)
-        return later - low[:rows, None]
-
-    begin = block * (int((gain(low) * grid.apart).argmax()) // steps)
+    coarse = (low[grid.later] - start) * grid.apart
+    begin = block * (int(coarse.argmax()) // steps)
     best = _climbed(velocity, grid.weight, max_lag, begin, best)
 
-    bound = np.minimum(gain(high) * grid.reach, peak * grid.hold).ravel()
+    bound = (high[grid.later] - start) * grid.reach
+    bound = np.minimum(bound, peak * grid.hold, out=bound).ravel()
     # A hair of slack: rounding of a bound must not drop the optimum.
     pairs = np.flatnonzero(bound > best[0] * (1.0 - 1e-12))
     batch_size = max(1, BATCH // block**2)
@@ -158,7 +155,8 @@ class _Grid(NamedTuple):
         block: samples per block.
         rows: blocks.
         weight: lag^-0.6 for each lag up to ``max_lag``, 0 for lag 0 and beyond, shape (n,).
-        apart: the same between the starts of blocks I and I + step, shape (steps,).
+        later: the block I + step, shape (rows, steps).
+        apart: the weight between the starts of blocks I and I + step, shape (steps,).
         reach: the most it can be between their samples, shape (steps,).
         hold: lag^0.4 of the longest lag between their samples, shape (steps,).
         within: the weight between each two of their samples, shape (steps, block, block).
@@ -167,6 +165,7 @@ class _Grid(NamedTuple):
     block: int
     rows: int
     weight: FloatArray
+    later: NDArray[np.intp]
     apart: FloatArray
     reach: FloatArray
     hold: FloatArray
@@ -189,6 +188,7 @@ def _grid(samples: int, max_lag: int) -> _Grid:
         block,
         rows,
         weight=weight[before : before + samples],
+        later=np.arange(rows)[:, None] + np.arange(steps),
         apart=weight[before + lag],
         reach=np.maximum(lag - before, 1) ** -0.6,
         hold=np.minimum(lag + before, max_lag) ** 0.4,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -69,36 +70,41 @@ def kept_level(resultant: FloatArray, time_step: float, lags: float) -> Span:
     two events) and of its two ends (linear between two events); so its maximum is at an event or
     where the ends are level.
     """
+    n = len(resultant)
+    run = max(int(lags + 1e-9), 1)  # samples inside an interval; some hold one more
+    lowest = minimum_filter1d(resultant, run, origin=-(run // 2))[: n - run + 1]
+    # The best interval from sample to sample: a better one lies among samples as high as that.
+    more = min(math.ceil(lags - 1e-9) + 1, n) - run
+    least = np.minimum(lowest[: len(lowest) - more], lowest[more:]).max()
+    high = (resultant >= least).nonzero()[0]
+    offset, end = max(int(high[0]) - 1, 0), min(int(high[-1]) + 2, n)
+    resultant, lowest = resultant[offset:end], lowest[offset : end - run + 1]
+
     nodes = np.arange(len(resultant), dtype=np.float64)
-    latest = max(nodes[-1] - lags, 0.0)
+    latest = max(len(resultant) - 1 - lags, 0.0)
     # The starts with one end on a sample, in order: each whole one, then that with a whole end.
-    whole = np.minimum(nodes[: int(latest + 1e-9) + 1], latest)
-    cut = np.ceil(lags - 1e-9) - lags  # 0 if both are the same
-    starts = whole
+    starts = np.minimum(nodes[: int(latest + 1e-9) + 1], latest)
+    cut = math.ceil(lags - 1e-9) - lags  # 0 if both are the same
     if cut > 1e-9:
-        starts = np.stack((whole, whole + cut), axis=1).ravel()
-        starts = np.minimum(starts[: np.searchsorted(starts, latest + 1e-9)], latest)
-    ahead = np.interp(starts, nodes, resultant)
-    behind = np.interp(starts + lags, nodes, resultant)
-    difference = ahead - behind
-    crosses = np.flatnonzero(difference[:-1] * difference[1:] < 0.0)
+        starts = np.stack((starts, starts + cut), axis=1).ravel()
+        starts = np.minimum(starts[starts < latest + 1e-9], latest)
+    difference = np.interp(starts, nodes, resultant) - np.interp(starts + lags, nodes, resultant)
+    crosses = (difference[:-1] * difference[1:] < 0.0).nonzero()[0]
     share = difference[crosses] / (difference[crosses] - difference[crosses + 1])
     level = starts[crosses] + share * (starts[crosses + 1] - starts[crosses])
-    kept = np.concatenate((np.minimum(ahead, behind), np.interp(level, nodes, resultant)))
     starts = np.concatenate((starts, level))
     ends = starts + lags
+    kept = np.minimum(np.interp(starts, nodes, resultant), np.interp(ends, nodes, resultant))
 
-    # The samples inside, whose number is the whole part of lags or one more, as two runs.
-    run = max(int(lags + 1e-9), 1)
-    lowest = minimum_filter1d(resultant, run, origin=-(run // 2))
+    # The samples inside, whose number is the run's or one more, as two runs.
     first = np.ceil(starts - 1e-9).astype(int)
     final = np.floor(ends + 1e-9).astype(int)
     inside = first <= final
-    for begin in (first, final - run + 1):
-        begin = np.clip(begin, 0, len(resultant) - run)
+    for begin in (np.minimum(first, len(lowest) - 1), np.maximum(final - run + 1, 0)):
         np.minimum(kept, lowest[begin], out=kept, where=inside)
     i = int(kept.argmax())
-    return Span(float(kept[i]), float(starts[i]) * time_step, float(ends[i]) * time_step)
+    t1, t2 = float(starts[i]) + offset, float(ends[i]) + offset
+    return Span(float(kept[i]), t1 * time_step, t2 * time_step)
 
 
 def pulse_duration(
@@ -129,13 +135,13 @@ def span_about_peak(resultant: FloatArray, time_step: float, level: float) -> Sp
     if threshold <= 0.0:
         return Span(0.0, 0.0, 0.0)
     below = np.flatnonzero(resultant <= threshold)
-    before, after = below[below < top], below[below > top]
+    k = int(below.searchsorted(top))  # the peak lies between below[k - 1] and below[k]
     t1, t2 = 0.0, float(len(resultant) - 1)
-    if len(before):
-        i = int(before[-1])
+    if k > 0:
+        i = int(below[k - 1])
         t1 = i + (threshold - resultant[i]) / (resultant[i + 1] - resultant[i])
-    if len(after):
-        i = int(after[0])
+    if k < len(below):
+        i = int(below[k])
         t2 = i - (threshold - resultant[i]) / (resultant[i - 1] - resultant[i])
     return Span(float(t2 - t1) * time_step, float(t1) * time_step, float(t2) * time_step)
 
@@ -206,6 +212,8 @@ def dwell(acceleration_g: ArrayLike, time_step: float, threshold: float) -> floa
 def time_above(resultant: FloatArray, time_step: float, threshold: float) -> float:
     """:func:`dwell` of a checked resultant, (n,)."""
     above = resultant >= threshold
+    if not above.any():
+        return 0.0
     inside = float(np.count_nonzero(above[1:] & above[:-1]))
     crossing = np.flatnonzero(above[1:] ^ above[:-1])
     one, other = resultant[crossing], resultant[crossing + 1]
@@ -224,12 +232,13 @@ def velocity_change(acceleration_g: ArrayLike, time_step: float) -> Span:
         PulseError: bad signal or time step.
     """
     resultant_g(acceleration_g, time_step)
-    return largest_change(np.asarray(acceleration_g, dtype=np.float64), float(time_step))
+    acceleration = np.asarray(acceleration_g, dtype=np.float64, order="F") * STANDARD_GRAVITY
+    return largest_change(velocity(acceleration, float(time_step)), float(time_step))
 
 
-def largest_change(acceleration_g: FloatArray, time_step: float) -> Span:
-    """:func:`velocity_change` of a checked acceleration, (n,) or (n, 3) [g]."""
-    speed = magnitude(velocity(acceleration_g * STANDARD_GRAVITY, time_step))
+def largest_change(gained: FloatArray, time_step: float) -> Span:
+    """:func:`velocity_change` of the velocity since the first sample, (n,) or (n, 3) [m/s]."""
+    speed = magnitude(gained)
     i = int(speed.argmax())
     return Span(float(speed[i]), 0.0, i * time_step)
 
@@ -237,5 +246,7 @@ def largest_change(acceleration_g: FloatArray, time_step: float) -> Span:
 def velocity(acceleration: FloatArray, time_step: float) -> FloatArray:
     """The integral of the acceleration from the first sample on, by the trapezoidal rule."""
     change = np.zeros_like(acceleration)
-    np.cumsum((0.5 * time_step) * (acceleration[1:] + acceleration[:-1]), axis=0, out=change[1:])
+    steps = acceleration[1:] + acceleration[:-1]
+    steps *= 0.5 * time_step
+    steps.cumsum(axis=0, out=change[1:])
     return change

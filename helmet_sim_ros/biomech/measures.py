@@ -147,7 +147,7 @@ _LINEAR: Mapping[str, Formula] = {
     "pulse_duration": lambda s: _over(
         linear.span_about_peak(s.resultant, s.step, linear.DURATION_LEVEL)
     ),
-    "velocity_change": lambda s: _over(linear.largest_change(s.acceleration_g, s.step)),
+    "velocity_change": lambda s: _over(linear.largest_change(s.gained, s.step)),
 }
 _ROTATION: Mapping[str, Formula] = {
     "peak_angular_velocity": lambda s: _peak(s.rate),

@@ -81,7 +81,7 @@ def uniform_time_step(time: ArrayLike, name: str = "time") -> float:
         PulseError: fewer than two stamps, not finite, not increasing, or not uniform.
     """
     stamps = finite_array(name, time)
-    steps = np.diff(stamps)
+    steps = stamps[1:] - stamps[:-1]
     if steps.min() <= 0.0:
         row = int(np.argmax(steps <= 0.0)) + 1
         raise PulseError(f"{name}: must increase, but sample {row} is at {stamps[row]:.9g} s "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 from typing import Literal
 
@@ -115,7 +116,7 @@ def axis_peaks(signal: FloatArray) -> FloatArray:
 
 def bric_of(peaks: FloatArray, critical: str) -> float:
     """:func:`bric` of the peaks of the axes, shape (3,), for a known set of critical values."""
-    return float(np.linalg.norm(peaks / BRIC_CRITICAL[critical]))
+    return _length(peaks / BRIC_CRITICAL[critical])
 
 
 def ubric(angular_velocity: ArrayLike, angular_acceleration: ArrayLike) -> float:
@@ -142,7 +143,11 @@ def ubric_of(omega: FloatArray, alpha: FloatArray) -> float:
     a = axis_peaks(alpha) / UBRIC_ACCELERATION
     turning = w > 0.0  # the limit for w -> 0 is 0
     w, a = w[turning], a[turning]
-    return float(np.linalg.norm(w + (a - w) * np.exp(-a / w)))
+    return _length(w + (a - w) * np.exp(-a / w))
+
+
+def _length(vector: FloatArray) -> float:
+    return math.sqrt(float(vector @ vector))
 
 
 def damage(angular_acceleration: ArrayLike, time_step: float) -> float:
@@ -165,8 +170,10 @@ def damage(angular_acceleration: ArrayLike, time_step: float) -> float:
 def brain_strain(alpha: FloatArray, time_step: float) -> float:
     """:func:`damage` of a checked acceleration, (n, 3)."""
     modes, filters = _damage_filters(time_step)
-    drive = alpha @ modes
-    answers = [_oscillate(b, a, first, drive[:, i]) for i, (b, a, first) in enumerate(filters)]
+    answers = [
+        lfilter(b, a, drive, zi=rest * drive[0])[0]
+        for drive, (b, a, rest) in zip(modes.T @ alpha.T, filters, strict=True)
+    ]
     # The modes are orthonormal, so the length of x is the length of the modal displacement.
     return DAMAGE_SCALE * float(magnitude(np.stack(answers).T).max())
 
@@ -212,7 +219,8 @@ def _damage_filters(
     """The modes in head axes, shape (3, 3), and per mode the recursion of its displacement.
 
     With state s = (x, x') and drive u, s1 = Phi s0 + G0 u0 + G1 u1 exactly for a linear u. Its
-    first component obeys x2 = tr Phi x1 - det Phi x0 + b0 u2 + b1 u1 + b2 u0.
+    first component obeys x2 = tr Phi x1 - det Phi x0 + b0 u2 + b1 u1 + b2 u0. The filter's state
+    that makes x0 = 0 and x1 = G0 u0 + G1 u1 is proportional to u0, so it comes for u0 = 1.
     """
     stiffness, modes = np.linalg.eigh(damage_stiffness())
     filters = []
@@ -227,16 +235,5 @@ def _damage_filters(
         rest = np.array([[-phi[1, 1], phi[0, 1]], [phi[1, 0], -phi[0, 0]]])  # -adjugate
         b = np.array([g1[0], g0[0] + rest[0] @ g1, rest[0] @ g0])
         a = np.array([1.0, -np.trace(phi), np.linalg.det(phi)])
-        filters.append((b, a, np.array([g0[0], g1[0]])))
+        filters.append((b, a, np.array([-b[0], g0[0] - b[1]])))
     return SAE_SIGN[:, None] * modes, tuple(filters)
-
-
-def _oscillate(b: FloatArray, a: FloatArray, first: FloatArray, drive: FloatArray) -> FloatArray:
-    """Displacement from rest at the first sample, shape (n,)."""
-    x = np.zeros(len(drive))
-    x[1] = first @ drive[:2]
-    if len(drive) > 2:
-        past = b[1] * drive[1] + b[2] * drive[0] - a[1] * x[1]  # x[0] = 0
-        state = np.array([past, b[2] * drive[1] - a[2] * x[1]])
-        x[2:], _ = lfilter(b, a, drive[2:], zi=state)
-    return x

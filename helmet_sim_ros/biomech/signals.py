@@ -5,6 +5,8 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from functools import cached_property
 
+import numpy as np
+
 from helmet_sim_ros.biomech import catalogue, helmet, linear, rotation
 from helmet_sim_ros.biomech.filters import CORNER, filtered, sample_rate_warning
 from helmet_sim_ros.biomech.hic import Hic, maximum_window
@@ -43,8 +45,8 @@ class Signals(ABC):
 
     @property
     @abstractmethod
-    def acceleration_g(self) -> FloatArray:
-        """Of the head, shape (n, 3) [g]."""
+    def acceleration(self) -> FloatArray:
+        """Of the head, shape (n, 3) [m/s^2]."""
 
     @property
     @abstractmethod
@@ -64,7 +66,12 @@ class Signals(ABC):
     @cached_property
     def resultant(self) -> FloatArray:
         """Amount of the acceleration of the head, shape (n,) [g]."""
-        return magnitude(self.acceleration_g)
+        return magnitude(self.acceleration / STANDARD_GRAVITY)
+
+    @cached_property
+    def gained(self) -> FloatArray:
+        """Velocity of the head since the first sample, shape (n, 3) [m/s]."""
+        return linear.velocity(self.acceleration, self.step)
 
     @cached_property
     def hic(self) -> Hic:
@@ -119,10 +126,7 @@ class RawSignals(Signals):
         self.record = record
         self.warnings: list[str] = []
         self.step = uniform_time_step(record.time)
-        self._channels = {
-            name: finite_array(name, getattr(record, name), len(CHANNELS[name][0]))
-            for name in CHECKED
-        }
+        self._channels = _checked(record)
         rotation.refuse_no_rotation(self._channels["head_orientation"])
         self._refuse_wrong_unit()
 
@@ -137,10 +141,10 @@ class RawSignals(Signals):
             self.warnings.append(problem)
         return FilteredSignals(self)
 
-    @cached_property
-    def acceleration_g(self) -> FloatArray:
+    @property
+    def acceleration(self) -> FloatArray:
         """See :class:`Signals`."""
-        return self._channels["head_acceleration"] / STANDARD_GRAVITY
+        return self._channels["head_acceleration"]
 
     @cached_property
     def angular_acceleration(self) -> FloatArray:
@@ -210,10 +214,9 @@ class RawSignals(Signals):
         scale = float(magnitude(change).max())
         if scale < SMALL_CHANGE:
             return
-        integral = linear.velocity(self._channels["head_acceleration"], self.step)
 
         def misfit(factor: float) -> float:
-            return float(magnitude(change - factor * integral).max()) / scale
+            return float(magnitude(change - factor * self.gained).max()) / scale
 
         if misfit(1.0) < 0.1:
             return
@@ -237,9 +240,9 @@ class FilteredSignals(Signals):
         self._raw = raw
 
     @cached_property
-    def acceleration_g(self) -> FloatArray:
+    def acceleration(self) -> FloatArray:
         """See :class:`Signals`."""
-        return filtered(self._raw.acceleration_g, 1000, self.step)
+        return filtered(self._raw.acceleration, 1000, self.step)
 
     @cached_property
     def angular_acceleration(self) -> FloatArray:
@@ -255,3 +258,23 @@ class FilteredSignals(Signals):
     def neck_torque(self) -> FloatArray:
         """See :class:`Signals`."""
         return filtered(self._raw.neck_torque, catalogue.MOMENT_CLASS, self.step)
+
+
+def _checked(record: ImpactRecord) -> dict[str, FloatArray]:
+    """The channels in ``CHECKED``, each (n, 3) or (n, 4), stored column by column in one table."""
+    table = np.empty((sum(len(CHANNELS[name][0]) for name in CHECKED), len(record)))
+    channels, row = {}, 0
+    for name in CHECKED:
+        width = len(CHANNELS[name][0])
+        channels[name] = table[row : row + width].T
+        row += width
+    try:
+        for name, columns in channels.items():
+            np.copyto(columns, getattr(record, name), casting="same_kind")
+        sound = bool(np.isfinite(table).all())
+    except TypeError:  # other numbers than real ones
+        sound = False
+    if not sound:
+        for name, columns in channels.items():
+            columns[:] = finite_array(name, getattr(record, name), columns.shape[1])
+    return channels

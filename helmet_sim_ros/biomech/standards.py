@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from functools import lru_cache
 from pathlib import Path
 
@@ -53,13 +54,22 @@ def load_standard(name_or_path: str) -> Standard:
     Raises:
         SetupError: unknown name, unreadable file, or a refused value in it.
     """
-    path = find_config("standards", name_or_path, "standard")
-    return _load(path, path.stat().st_mtime_ns)
+    try:
+        path = _path(name_or_path)
+        return _load(path, os.stat(path).st_mtime_ns)
+    except FileNotFoundError:  # gone since it was found: say so as if it had never been there
+        _path.cache_clear()
+        return load_standard(name_or_path)
 
 
 def standard_names() -> list[str]:
     """The names of the shipped standards."""
     return sorted(p.stem for p in (share_directory() / "config" / "standards").glob("*.yaml"))
+
+
+@lru_cache(maxsize=64)
+def _path(name_or_path: str) -> Path:
+    return find_config("standards", name_or_path, "standard")
 
 
 @lru_cache(maxsize=64)
