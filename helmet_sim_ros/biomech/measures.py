@@ -10,7 +10,7 @@ from helmet_sim_ros.biomech.hic import maximum_window
 from helmet_sim_ros.biomech.pulse import FloatArray
 from helmet_sim_ros.biomech.record import ImpactRecord
 from helmet_sim_ros.biomech.result import Criterion
-from helmet_sim_ros.biomech.signals import NotGiven, RawSignals, Signals
+from helmet_sim_ros.biomech.signals import FilteredSignals, NotGiven, RawSignals, Signals
 
 #: The setup value that ``bottoming`` needs.
 THICKNESS = "helmet.liner.thickness"
@@ -54,23 +54,25 @@ def measure(
     """
     units = {name: catalogue.entry(name).unit for name in wanted}
     further = sorted(units.keys() - FORMULAS.keys())
-    formulas = [(name, FORMULAS[name]) for name in FORMULAS if name in units]
-    formulas += [(name, _formula_of_dwell(name)) for name in further]
+    formulas = [(name, *FORMULAS[name]) for name in FORMULAS if name in units]
+    formulas += [(name, *_dwell(name)) for name in further]
 
-    signals = RawSignals(record)
-    criteria = {}
+    raw = RawSignals(record)
+    filtered = FilteredSignals(raw)
+    criteria, warnings = {}, []
     start = float(record.time[0])
-    for name, formula in formulas:
+    for name, is_filtered, formula in formulas:
         try:
-            value, window, sample, note = formula(signals)
+            value, window, sample, note = formula(filtered if is_filtered else raw)
         except NotGiven as reason:
-            signals.warnings.append(str(reason))
+            warnings.append(str(reason))
             continue
         if window is not None:
             window = (start + window[0], start + window[1])
         time = None if sample is None else float(record.time[sample])
         criteria[name] = Criterion(name, float(value), units[name], window, time, note=note)
-    return criteria, tuple(dict.fromkeys(filter(None, signals.warnings)))
+    warnings.append(filtered.warning)
+    return criteria, tuple(dict.fromkeys(filter(None, warnings)))
 
 
 def _peak(signal: FloatArray, note: str = "") -> Found:
@@ -87,13 +89,8 @@ def _above(level: float) -> Formula:
     return lambda s: Found(linear.time_above(s.resultant, s.step, level))
 
 
-def _filtered(formula: Formula) -> Formula:
-    return lambda s: formula(s.filtered)
-
-
-def _formula_of_dwell(name: str) -> Formula:
-    formula = _above(catalogue.dwell_threshold(name) or 0.0)
-    return _filtered(formula) if name.endswith("_cfc1000") else formula
+def _dwell(name: str) -> tuple[bool, Formula]:
+    return name.endswith("_cfc1000"), _above(catalogue.dwell_threshold(name) or 0.0)
 
 
 def _neck_axial(s: Signals) -> Found:
@@ -190,9 +187,12 @@ _RISK: Mapping[str, Formula] = {
 }
 _RAW = {**_LINEAR, **_ROTATION, **_HELMET, **_NECK, **_RISK}
 
-#: How each criterion of the catalogue is found from the signals of a record.
-FORMULAS: Mapping[str, Formula] = _RAW | {
-    catalogue.filtered_name(name): _filtered(formula)
-    for name, formula in _RAW.items()
-    if catalogue.filtered_name(name) in catalogue.CATALOGUE
+#: How each criterion of the catalogue is found: from the filtered signals or not, by what formula.
+FORMULAS: Mapping[str, tuple[bool, Formula]] = {
+    **{name: (False, formula) for name, formula in _RAW.items()},
+    **{
+        catalogue.filtered_name(name): (True, formula)
+        for name, formula in _RAW.items()
+        if catalogue.filtered_name(name) in catalogue.CATALOGUE
+    },
 }

@@ -113,7 +113,6 @@ class RawSignals(Signals):
 
     Attributes:
         record: the record itself.
-        warnings: what weakens the signals made so far, in words.
     """
 
     def __init__(self, record: ImpactRecord) -> None:
@@ -124,22 +123,10 @@ class RawSignals(Signals):
                 or the acceleration is in another unit than the velocity says.
         """
         self.record = record
-        self.warnings: list[str] = []
         self.step = uniform_time_step(record.time)
         self._channels = _checked(record)
         rotation.refuse_no_rotation(self._channels["head_orientation"])
         self._refuse_wrong_unit()
-
-    @cached_property
-    def filtered(self) -> FilteredSignals:
-        """The same after the channel filters of SAE J211."""
-        if 2.0 * CORNER * 1000.0 * self.step >= 1.0:
-            raise NotGiven(
-                f"no CFC 1000 values: sampled at {1e-3 / self.step:.4g} kHz, which is too coarse"
-            )
-        if problem := sample_rate_warning(1000, self.step):
-            self.warnings.append(problem)
-        return FilteredSignals(self)
 
     @property
     def acceleration(self) -> FloatArray:
@@ -233,31 +220,44 @@ class RawSignals(Signals):
 
 
 class FilteredSignals(Signals):
-    """The signals of a record after the channel filters, each filtered when first asked for."""
+    """The signals of a record after the channel filters, each filtered when first asked for.
+
+    Attributes:
+        warning: what weakens them; empty before any was asked for.
+    """
 
     def __init__(self, raw: RawSignals) -> None:
         self.step = raw.step
+        self.warning = ""
         self._raw = raw
+
+    def _filtered(self, channel: FloatArray, channel_class: float) -> FloatArray:
+        if 2.0 * CORNER * 1000.0 * self.step >= 1.0:
+            raise NotGiven(
+                f"no CFC 1000 values: sampled at {1e-3 / self.step:.4g} kHz, which is too coarse"
+            )
+        self.warning = sample_rate_warning(1000, self.step)
+        return filtered(channel, channel_class, self.step)
 
     @cached_property
     def acceleration(self) -> FloatArray:
         """See :class:`Signals`."""
-        return filtered(self._raw.acceleration, 1000, self.step)
+        return self._filtered(self._raw.acceleration, 1000)
 
     @cached_property
     def angular_acceleration(self) -> FloatArray:
         """See :class:`Signals`."""
-        return filtered(self._raw.angular_acceleration, 1000, self.step)
+        return self._filtered(self._raw.angular_acceleration, 1000)
 
     @cached_property
     def neck_force(self) -> FloatArray:
         """See :class:`Signals`."""
-        return filtered(self._raw.neck_force, 1000, self.step)
+        return self._filtered(self._raw.neck_force, 1000)
 
     @cached_property
     def neck_torque(self) -> FloatArray:
         """See :class:`Signals`."""
-        return filtered(self._raw.neck_torque, catalogue.MOMENT_CLASS, self.step)
+        return self._filtered(self._raw.neck_torque, catalogue.MOMENT_CLASS)
 
 
 def _checked(record: ImpactRecord) -> dict[str, FloatArray]:
