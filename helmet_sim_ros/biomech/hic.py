@@ -24,6 +24,8 @@ from helmet_sim_ros.biomech.pulse import FloatArray, positive, resultant_g
 
 #: Windows looked at in one go.
 BATCH = 12_000
+#: Samples by which the part of a record that is searched grows.
+UNIT = 64
 
 
 class Hic(NamedTuple):
@@ -53,8 +55,9 @@ def hic(acceleration_g: ArrayLike, time_step: float, window: float | None = None
 
 def maximum_window(values: FloatArray, time_step: float, window: float | None = None) -> Hic:
     """The HIC formula on any checked signal of amounts, shape (n,), nowhere negative."""
-    velocity = np.zeros(len(values))  # in units of one time step
-    (0.5 * (values[1:] + values[:-1])).cumsum(out=velocity[1:])
+    gains = 0.5 * (values[1:] + values[:-1])  # in units of one time step, like the velocity
+    velocity = np.zeros(len(values))
+    gains.cumsum(out=velocity[1:])
     last = len(values) - 1
     best = (0.0, 0.0, 0.0)  # score, first and last sample of the window
     max_lag = last
@@ -65,7 +68,7 @@ def maximum_window(values: FloatArray, time_step: float, window: float | None = 
         max_lag = int(lags * (1.0 + 1e-12))
         best = _limit_windows(velocity, lags)
     if max_lag >= 1:
-        best = _sample_windows(velocity, max_lag, float(values.max()), best)
+        best = _sample_windows(velocity, gains, max_lag, float(values.max()), best)
     score, first, final = best
     return Hic(score**2.5 * time_step, first * time_step, final * time_step)
 
@@ -83,27 +86,34 @@ def _limit_windows(velocity: FloatArray, lags: float) -> tuple[float, float, flo
 
 
 def _sample_windows(
-    velocity: FloatArray, max_lag: int, peak: float, best: tuple[float, float, float]
+    velocity: FloatArray,
+    gains: FloatArray,
+    max_lag: int,
+    peak: float,
+    best: tuple[float, float, float],
 ) -> tuple[float, float, float]:
     """The best window between samples, if it beats ``best``: branch and bound over block pairs.
+
+    The best window gains in its first step and in its last at least 0.6 of its mean, or it would
+    be better without that step: (1 - x)^0.6 <= 1 - 0.6 x. So it lies among steps as high as that.
 
     No window from block I to block J scores more than the velocity gained from the start of I to
     the end of J over the shortest time between them, nor more than the peak held for the longest.
     """
+    weight = _weights(max_lag)
+    best = _climbed(velocity, weight, int(gains.argmax()), best)
+    high = (gains >= (0.6 - 1e-9) * best[0] * max_lag**-0.4).nonzero()[0]
+    begin, end = _widened(int(high[0]), int(high[-1]) + 2, len(velocity))
+    velocity = velocity[begin:end]
+
     grid = _grid(len(velocity), max_lag)
     block, rows, steps = grid.block, grid.rows, len(grid.reach)
     # Row I holds block I; zeros follow, so that no window beyond the record gains anything.
     table = np.zeros((rows + steps, block))
     table.ravel()[: len(velocity)] = velocity
-    low, high = table[:, 0].copy(), table[:, -1].copy()
-    high[rows - 1] = velocity[-1]
-    start = low[:rows, None]
-
-    coarse = (low[grid.later] - start) * grid.apart
-    begin = block * (int(coarse.argmax()) // steps)
-    best = _climbed(velocity, grid.weight, max_lag, begin, best)
-
-    bound = (high[grid.later] - start) * grid.reach
+    late = table[:, -1].copy()
+    late[rows - 1] = velocity[-1]
+    bound = (late[grid.later] - table[:rows, :1]) * grid.reach
     bound = np.minimum(bound, peak * grid.hold, out=bound).ravel()
     # A hair of slack: rounding of a bound must not drop the optimum.
     pairs = np.flatnonzero(bound > best[0] * (1.0 - 1e-12))
@@ -120,22 +130,16 @@ def _sample_windows(
         top = int(score.argmax())
         if score.flat[top] > best[0]:
             pair, a, b = np.unravel_index(top, score.shape)
-            best = (
-                float(score.flat[top]),
-                float(block * first[pair] + a),
-                float(block * final[pair] + b),
-            )
+            t1, t2 = (float(begin + block * i[pair] + k) for i, k in ((first, a), (final, b)))
+            best = (float(score.flat[top]), t1, t2)
     return best
 
 
 def _climbed(
-    velocity: FloatArray,
-    weight: FloatArray,
-    max_lag: int,
-    first: int,
-    best: tuple[float, float, float],
+    velocity: FloatArray, weight: FloatArray, first: int, best: tuple[float, float, float]
 ) -> tuple[float, float, float]:
     """The better of ``best`` and the window reached by moving one end at a time, from ``first``."""
+    max_lag = len(weight) - 1
     while True:
         ends = velocity[first + 1 : first + 1 + max_lag]
         final = first + 1 + int(((ends - velocity[first]) * weight[1 : len(ends) + 1]).argmax())
@@ -148,48 +152,49 @@ def _climbed(
         best = (float(score[k]), float(first), float(final))
 
 
+def _widened(begin: int, end: int, samples: int) -> tuple[int, int]:
+    """A range made longer, to a multiple of ``UNIT`` where there is room: few grids to keep."""
+    length = min(-(-(end - begin) // UNIT) * UNIT, samples)
+    begin = min(begin, samples - length)
+    return begin, begin + length
+
+
 class _Grid(NamedTuple):
-    """What the search for windows of up to ``max_lag`` of n samples needs beside the samples.
+    """What the search for windows of up to ``max_lag`` among n samples needs beside the samples.
 
     Attributes:
         block: samples per block.
         rows: blocks.
-        weight: lag^-0.6 for each lag up to ``max_lag``, 0 for lag 0 and beyond, shape (n,).
         later: the block I + step, shape (rows, steps).
-        apart: the weight between the starts of blocks I and I + step, shape (steps,).
-        reach: the most it can be between their samples, shape (steps,).
-        hold: lag^0.4 of the longest lag between their samples, shape (steps,).
-        within: the weight between each two of their samples, shape (steps, block, block).
+        reach: lag^-0.6 of the shortest lag between samples of I and I + step, shape (steps,).
+        hold: lag^0.4 of the longest one, shape (steps,).
+        within: lag^-0.6 between each two of their samples, shape (steps, block, block); 0 for lags
+            that are none or beyond ``max_lag``.
     """
 
     block: int
     rows: int
-    weight: FloatArray
     later: NDArray[np.intp]
-    apart: FloatArray
     reach: FloatArray
     hold: FloatArray
     within: FloatArray
 
 
-@lru_cache(maxsize=32)
+@lru_cache(maxsize=64)
 def _grid(samples: int, max_lag: int) -> _Grid:
-    block = 4 + int(0.5 * max_lag**0.5)  # balances the number of pairs against their size
+    lags = min(max_lag, samples - 1)
+    block = 4 + int(0.5 * lags**0.5)  # balances the number of pairs against their size
     rows = -(-samples // block)
-    steps = min(rows - 1, max_lag // block + 1) + 1
+    steps = min(rows - 1, lags // block + 1) + 1
     before = block - 1  # lags below 0
-    weight = np.zeros(before + samples + (steps + 1) * block)
-    lags = np.arange(1, max_lag + 1, dtype=np.float64)
-    weight[before + 1 : before + 1 + max_lag] = lags**-0.6
-    weight.flags.writeable = False
+    weight = np.zeros(before + (steps + 1) * block + lags)
+    weight[before : before + lags + 1] = _weights(max_lag)[: lags + 1]
     lag = block * np.arange(steps)
     stride = weight.strides[0]
     return _Grid(
         block,
         rows,
-        weight=weight[before : before + samples],
         later=np.arange(rows)[:, None] + np.arange(steps),
-        apart=weight[before + lag],
         reach=np.maximum(lag - before, 1) ** -0.6,
         hold=np.minimum(lag + before, max_lag) ** 0.4,
         within=as_strided(
@@ -197,3 +202,12 @@ def _grid(samples: int, max_lag: int) -> _Grid:
             writeable=False,
         ),
     )  # fmt: skip
+
+
+@lru_cache(maxsize=64)
+def _weights(max_lag: int) -> FloatArray:
+    """lag^-0.6 for every lag up to ``max_lag``, 0 for lag 0."""
+    weight = np.zeros(max_lag + 1)
+    weight[1:] = np.arange(1, max_lag + 1, dtype=np.float64) ** -0.6
+    weight.flags.writeable = False
+    return weight
