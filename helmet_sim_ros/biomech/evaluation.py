@@ -39,13 +39,15 @@ def evaluate(
 
     Raises:
         PulseError: a channel is not finite, the time is not uniform, the acceleration is in
-            another unit, a criterion is unknown, or the standard limits what cannot be computed
-            from this record.
+            another unit, a name in criteria is unknown, or the standard limits what cannot be
+            computed from this record.
         SetupError: unknown standard, or a limit on an unknown criterion.
     """
     name = DEFAULT_STANDARD if standard is None else standard
     rules = load_standard(name)
     wanted = CATALOGUE if criteria is None else criteria
+    if isinstance(wanted, str):  # would be read letter by letter
+        raise PulseError(f"criteria = {wanted!r}: must be several names, not one text")
     found, reasons = measure(record, [*wanted, *rules.limits])
     for key, limit in rules.limits.items():
         if key not in found:
