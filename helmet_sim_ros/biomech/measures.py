@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 from helmet_sim_ros.biomech import catalogue, helmet, linear, neck, risk, rotation
@@ -52,16 +53,12 @@ def measure(
     Raises:
         PulseError: unknown name, or the record is refused (see :class:`RawSignals`).
     """
-    units = {name: catalogue.entry(name).unit for name in wanted}
-    further = sorted(units.keys() - FORMULAS.keys())
-    formulas = [(name, *FORMULAS[name]) for name in FORMULAS if name in units]
-    formulas += [(name, *_dwell(name)) for name in further]
-
+    plan = _plan(tuple(wanted))
     raw = RawSignals(record)
     filtered = FilteredSignals(raw)
     criteria, warnings = {}, []
     start = float(record.time[0])
-    for name, is_filtered, formula in formulas:
+    for name, unit, is_filtered, formula in plan:
         try:
             value, window, sample, note = formula(filtered if is_filtered else raw)
         except NotGiven as reason:
@@ -70,9 +67,19 @@ def measure(
         if window is not None:
             window = (start + window[0], start + window[1])
         time = None if sample is None else float(record.time[sample])
-        criteria[name] = Criterion(name, float(value), units[name], window, time, note=note)
+        criteria[name] = Criterion(name, float(value), unit, window, time, note=note)
     warnings.append(filtered.warning)
     return criteria, tuple(dict.fromkeys(filter(None, warnings)))
+
+
+@lru_cache(maxsize=64)
+def _plan(wanted: tuple[str, ...]) -> list[tuple[str, str, bool, Formula]]:
+    """In order: name, unit, whether from filtered signals, formula."""
+    units = {name: catalogue.entry(name).unit for name in wanted}
+    further = sorted(units.keys() - FORMULAS.keys())
+    found = {name: FORMULAS[name] for name in FORMULAS if name in units}
+    found |= {name: _dwell(name) for name in further}
+    return [(name, units[name], *how) for name, how in found.items()]
 
 
 def _peak(signal: FloatArray, note: str = "") -> Found:
