@@ -74,8 +74,9 @@ def kept_level(resultant: FloatArray, time_step: float, lags: float) -> Span:
     run = max(int(lags + 1e-9), 1)  # samples inside an interval; some hold one more
     lowest = minimum_filter1d(resultant, run, origin=-(run // 2))[: n - run + 1]
     # The best interval from sample to sample: a better one lies among samples as high as that.
-    more = min(math.ceil(lags - 1e-9) + 1, n) - run
-    least = np.minimum(lowest[: len(lowest) - more], lowest[more:]).max()
+    more = min(math.ceil(lags - 1e-9) + 1, n) - run  # 1 or 2
+    count = len(lowest) - more
+    least = np.minimum(np.minimum(lowest[:count], lowest[1 : 1 + count]), lowest[more:]).max()
     high = (resultant >= least).nonzero()[0]
     offset, end = max(int(high[0]) - 1, 0), min(int(high[-1]) + 2, n)
     resultant, lowest = resultant[offset:end], lowest[offset : end - run + 1]
