@@ -96,10 +96,10 @@ def main() -> None:
     ]
     few = ("peak_g", "hic", "bric")
     count = len(evaluate(impacts[0]).criteria)
-    print(f"evaluation of 801 samples [ms]  all {count} criteria   {', '.join(few)}")
+    print(f"evaluation of 801 samples [ms]  all {count} (<= 3)   {', '.join(few)} (<= 0.5)")
     for name, records in (("random records", random_ones), ("impacts", impacts)):
         every, some = (each(records, criteria) for criteria in (None, few))
-        print(f"  {name:<26} {every:>14.2f} {some:>17.2f}")
+        print(f"  {name:<26} {every:>12.2f} {some:>20.2f}")
 
 
 if __name__ == "__main__":
