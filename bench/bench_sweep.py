@@ -25,7 +25,8 @@ import psutil
 
 from helmet_sim_ros import ImpactSetup, evaluate, simulate
 from helmet_sim_ros.model.impact import Impact
-from helmet_sim_ros.study import sweep, worker
+from helmet_sim_ros.study import engine as engines
+from helmet_sim_ros.study import sweep
 from helmet_sim_ros.study.engine import Chunk, Engine, open_engine
 from helmet_sim_ros.study.study import Study, StudyFile, build_study
 from helmet_sim_ros.study.worker import Job, run_chunk
@@ -69,7 +70,7 @@ def overhead() -> None:
             start = time.process_time()
             sweep(plan, folder, workers=0)
             whole = time.process_time() - start
-        run = spent["run_row"]
+        run = spent["run_chunk"]
         stepping, evaluating = spent["advance"], spent["evaluate"]
         print(f"  {name}: {whole / IMPACTS * 1e3:.2f} ms per impact")
         for part, seconds in (
@@ -103,7 +104,7 @@ def timed() -> Iterator[Counter[str]]:
         setattr(owner, name, timed_call)
         return lambda: setattr(owner, name, inner)
 
-    undo = [watch(Impact, "advance"), watch(evaluation, "evaluate"), watch(worker, "run_row")]
+    undo = [watch(Impact, "advance"), watch(evaluation, "evaluate"), watch(engines, "run_chunk")]
     try:
         yield spent
     finally:
@@ -205,13 +206,12 @@ def _pid() -> int:
 def client() -> None:
     """What one client and one scheduler can keep up with, and how large results get."""
     from helmet_sim_ros.study.store import ResultStore
-    from helmet_sim_ros.study.worker import run_row
 
     start = time.process_time()
     plan = study(LONG_RUN * 10, "spring")
     loading = time.process_time() - start
     rows = len(plan)
-    outcome = run_row(Job("ece_r22_05", plan.criteria), plan.row(0).values)
+    (outcome,) = run_chunk(Job("ece_r22_05", plan.criteria), [plan.row(0).values])
     random = np.random.default_rng(0)  # equal rows would compress too well
     noise = random.uniform(0.5, 1.5, (1000, len(outcome.values)))
     varied = [

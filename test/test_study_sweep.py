@@ -17,7 +17,7 @@ from helmet_sim_ros.errors import SetupError, StudyError
 from helmet_sim_ros.model.setup import setup_from_names
 from helmet_sim_ros.study import load_study, sweep
 from helmet_sim_ros.study.engine import CHUNKS_PER_WORKER, Chunk, open_engine
-from helmet_sim_ros.study.worker import Job, Outcome, run_row
+from helmet_sim_ros.study.worker import Job, Outcome, run_chunk
 
 SHORT = "impact.rig: headform, sim.duration: 0.008"
 STUDY = f"""
@@ -231,7 +231,7 @@ def test_a_killed_worker_costs_its_chunk_only(cluster, study):
             os.kill(min(worker_pids(cluster).values()), signal.SIGKILL)
     assert sorted(found) == list(range(len(chunks)))
     for chunk in (chunks[0], chunks[-1]):
-        assert found[chunk.tag] == [run_row(job, values) for values in chunk.setups]
+        assert found[chunk.tag] == run_chunk(job, chunk.setups)
     # What the scheduler says it sent out: each chunk once, and again only what was with the killed
     # worker: running, waiting there, or finished and not yet handed over.
     log = cluster._client.cluster.scheduler.transition_log
@@ -254,7 +254,7 @@ def test_an_impact_that_kills_its_worker_fails_and_spares_the_others(cluster, st
         found = {chunk.tag: outcomes for chunk, outcomes in cluster.run(job, chunks)}
     finally:
         scheduler.allowed_failures = before
-    good = run_row(job, row.values)
+    (good,) = run_chunk(job, [row.values])
     assert found[0] == found[2] == [good]
     assert [outcome.status for outcome in found[1]] == ["ok", "failed", "ok"]
     assert "worker process dies" in (found[1][1].error or "")

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from helmet_sim_ros.biomech.record import ImpactRecord
+    from helmet_sim_ros.model.setup import ImpactSetup
 
 #: An error's text is cut here: some repeat the whole setup, which the row has anyway.
 MAX_ERROR = 300
+#: Samples of the impacts that are simulated before the first of them is evaluated (about 10 MB).
+SAMPLES_TOGETHER = 8000
 
 
 @dataclass(frozen=True)
@@ -36,23 +42,59 @@ class Outcome:
 
 
 def run_chunk(job: Job, chunk: Sequence[Mapping[str, Any]]) -> list[Outcome]:
-    """Simulate and evaluate the impacts of a chunk, one after the other."""
-    return [run_row(job, values) for values in chunk]
+    """Simulate and evaluate impacts; an error becomes the outcome of its impact.
 
-
-def run_row(job: Job, values: Mapping[str, Any]) -> Outcome:
-    """Simulate and evaluate one impact; an error becomes its outcome."""
+    Every stage does some impacts before the next one starts: then its code is still in the
+    processor's caches, which saves a tenth of the time.
+    """
     from helmet_sim_ros.biomech.evaluation import evaluate
-    from helmet_sim_ros.model.impact import simulate
+    from helmet_sim_ros.model.impact import Impact
     from helmet_sim_ros.model.setup import setup_from_names
 
-    try:
-        result = evaluate(simulate(setup_from_names(values)), job.standard, job.criteria)
-    except Exception as error:  # one bad case must not stop a study
-        return Outcome("failed", f"{type(error).__name__}: {error}"[:MAX_ERROR])
-    found = result.criteria
-    numbers = tuple(found[n].value if n in found else None for n in job.criteria)
-    return Outcome("ok", None, result.verdict, numbers)
+    def advanced(impact: Impact) -> Impact:
+        impact.advance(impact.total)
+        return impact
+
+    def judged(record: ImpactRecord) -> Outcome:
+        result = evaluate(record, job.standard, job.criteria)
+        found = result.criteria
+        numbers = tuple(found[n].value if n in found else None for n in job.criteria)
+        return Outcome("ok", None, result.verdict, numbers)
+
+    outcomes: list[Outcome] = []
+    for block in _blocks(_tried(setup_from_names, chunk)):
+        for stage in (Impact, advanced, Impact.record, judged):
+            block = _tried(stage, block)
+        outcomes += block
+    return outcomes
+
+
+def _tried(stage: Callable[[Any], Any], items: Iterable[Any]) -> list[Any]:
+    """What the stage makes of each item; an outcome stays what it is."""
+
+    def tried(item: Any) -> Any:
+        if isinstance(item, Outcome):
+            return item
+        try:
+            return stage(item)
+        except Exception as error:  # one bad case must not stop a study
+            return Outcome("failed", f"{type(error).__name__}: {error}"[:MAX_ERROR])
+
+    return [tried(item) for item in items]
+
+
+def _blocks(setups: Iterable[ImpactSetup | Outcome]) -> Iterator[list[Any]]:
+    """Neighbours whose samples fit into memory together, at least one each."""
+    block: list[Any] = []
+    samples = 0
+    for setup in setups:
+        more = 0 if isinstance(setup, Outcome) else setup.samples
+        if block and samples + more > SAMPLES_TOGETHER:
+            yield block
+            block, samples = [], 0
+        block.append(setup)
+        samples += more
+    yield block
 
 
 def warm_up() -> dict[str, str]:
