@@ -185,8 +185,8 @@ class Impact:
             neck_force=layout.read(sensors, "neck_force") if rider else zeros,
             neck_torque=layout.read(sensors, "neck_torque") if rider else zeros,
             joint_names=layout.joints,
-            joint_positions=q[:, layout.qpos],
-            joint_velocities=v[:, layout.qvel],
+            joint_positions=q.take(layout.qpos, axis=1),
+            joint_velocities=v.take(layout.qvel, axis=1),
             setup=MappingProxyType(self.setup.described()),
             extras=MappingProxyType(self.extras()),
         )

@@ -16,6 +16,7 @@ cells converge.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numba import njit
@@ -46,7 +47,7 @@ POINT, NORMAL, AREA, THICKNESS, RADIUS = 0, 3, 6, 7, 8
 
 @dataclass(frozen=True)
 class Columns:
-    """The columns of one helmet; row i belongs to column i.
+    """The columns of one helmet, shared by its impacts; row i belongs to column i.
 
     Attributes:
         geometry: (n, 9), see above.
@@ -68,6 +69,7 @@ def no_columns() -> Columns:
     return Columns(np.zeros((0, 9)), np.zeros((0, 5)), np.zeros(4))
 
 
+@lru_cache(maxsize=8)
 def columns(helmet: Helmet) -> Columns:
     """The columns of a helmet: a Fibonacci lattice mapped onto the shell's ellipsoid.
 

@@ -28,7 +28,7 @@ def joint_stops(model: mujoco.MjModel) -> Stops:
     """The stops of every limited joint of a model."""
     joints = np.flatnonzero(model.jnt_limited)
     address = np.column_stack([model.jnt_qposadr[joints], model.jnt_dofadr[joints]])
-    slides = model.jnt_type[joints] == mujoco.mjtJoint.mjJNT_SLIDE
+    slides = model.jnt_type[joints] == int(mujoco.mjtJoint.mjJNT_SLIDE)
     factor = np.where(slides, STIFFENING["slide"], STIFFENING["hinge"])
     law = np.column_stack([model.jnt_range[joints], factor * model.jnt_stiffness[joints]])
     return address.astype(np.int64), law

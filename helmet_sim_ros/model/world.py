@@ -272,7 +272,7 @@ def _contact_shapes(model: mujoco.MjModel, helmet: Helmet) -> Shapes:
     spheres at its ends."""
     shell = int(model.body("helmet").id)
     geoms = np.flatnonzero((model.geom_bodyid != 0) & (model.geom_bodyid != shell))
-    capsule = model.geom_type[geoms] == mujoco.mjtGeom.mjGEOM_CAPSULE
+    capsule = model.geom_type[geoms] == int(mujoco.mjtGeom.mjGEOM_CAPSULE)
     ends = np.concatenate([[-1.0, 1.0] if both else [0.0] for both in capsule] or [[]])
     geoms, capsule = (np.repeat(array, np.where(capsule, 2, 1)) for array in (geoms, capsule))
     w, x, y, z = model.geom_quat[geoms].T
@@ -303,7 +303,7 @@ def _place(
     """Set pose and velocity: helmet just touching at the world origin, all moving as one."""
     rotation = head_to_world(setup)
     # A spring at rest: posture and neck flexion are the springs' reference angles.
-    hinges = model.jnt_qposadr[model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE]
+    hinges = model.jnt_qposadr[model.jnt_type == int(mujoco.mjtJoint.mjJNT_HINGE)]
     data.qpos[hinges] = model.qpos_spring[hinges]
     shell = setup.helmet_config.shell
     down = rotation.T @ np.array([0.0, 0.0, -1.0])
