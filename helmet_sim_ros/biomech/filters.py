@@ -14,9 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.signal import lfilter
 
 from helmet_sim_ros.biomech.pulse import FloatArray, finite_array, positive
+from helmet_sim_ros.biomech.recursion import recursion, weighted
 from helmet_sim_ros.errors import PulseError
 
 #: Corner frequency of one pass over the class (SAE J211-1).
@@ -104,17 +104,16 @@ def filtered(signal: FloatArray, channel_class: float, time_step: float) -> Floa
 
 
 class _Design(NamedTuple):
-    """One pass: its coefficients, the state that holds a value of 1, and the settling samples."""
+    """One pass: its coefficients and the settling samples."""
 
     b: FloatArray
     a: FloatArray
-    state: FloatArray
     tail: int
 
     def run(self, rows: FloatArray) -> FloatArray:
         """The pass along the last axis, as if the first value had been there for ever."""
-        output, _ = lfilter(self.b, self.a, rows, zi=rows[..., :1] * self.state)
-        return output  # type: ignore[no-any-return]
+        first = rows[..., :1]  # a constant passes unchanged
+        return first + recursion(self.a, weighted(self.b, rows - first))
 
 
 @lru_cache(maxsize=32)
@@ -123,4 +122,4 @@ def _design(channel_class: float, time_step: float) -> _Design:
     # The transient decays with the real part of the poles, corner / sqrt(2).
     corner = 2.0 * math.pi * CORNER * channel_class
     tail = math.ceil(-math.log(SETTLED) * math.sqrt(2.0) / (corner * time_step))
-    return _Design(b, a, np.array([1.0 - b[0], b[2] - a[2]]), tail)
+    return _Design(b, a, tail)

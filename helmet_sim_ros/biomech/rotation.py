@@ -9,10 +9,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import expm
-from scipy.signal import lfilter
 
 from helmet_sim_ros.biomech.hic import Hic, maximum_window
 from helmet_sim_ros.biomech.pulse import FloatArray, finite_array, magnitude, positive
+from helmet_sim_ros.biomech.recursion import recursion, weighted
 from helmet_sim_ros.errors import PulseError
 
 #: Critical angular velocities x, y, z [rad/s] of BrIC (Takhounts et al., "Development of brain
@@ -90,6 +90,22 @@ def turned_back(v: FloatArray, q: FloatArray) -> FloatArray:
     head[:, 1] = b + 2.0 * (w * r + s * x - p * z)
     head[:, 2] = c + 2.0 * (w * s + p * y - r * x)
     return head
+
+
+def matrices(orientation: FloatArray) -> FloatArray:
+    """Rotation matrices, shape (n, 3, 3), of unit quaternions x, y, z, w, shape (n, 4)."""
+    x, y, z, w = orientation.T
+    m = np.empty((3, 3, len(orientation)))
+    m[0, 0] = 1.0 - 2.0 * (y * y + z * z)
+    m[0, 1] = 2.0 * (x * y - z * w)
+    m[0, 2] = 2.0 * (x * z + y * w)
+    m[1, 0] = 2.0 * (x * y + z * w)
+    m[1, 1] = 1.0 - 2.0 * (x * x + z * z)
+    m[1, 2] = 2.0 * (y * z - x * w)
+    m[2, 0] = 2.0 * (x * z - y * w)
+    m[2, 1] = 2.0 * (y * z + x * w)
+    m[2, 2] = 1.0 - 2.0 * (x * x + y * y)
+    return m.transpose(2, 0, 1)
 
 
 def bric(
@@ -170,10 +186,11 @@ def damage(angular_acceleration: ArrayLike, time_step: float) -> float:
 def brain_strain(alpha: FloatArray, time_step: float) -> float:
     """:func:`damage` of a checked acceleration, (n, 3)."""
     modes, filters = _damage_filters(time_step)
-    answers = [
-        lfilter(b, a, drive, zi=rest * drive[0])[0]
-        for drive, (b, a, rest) in zip(modes.T @ alpha.T, filters, strict=True)
-    ]
+    answers = []
+    for drive, (b, a, start) in zip(modes.T @ alpha.T, filters, strict=True):
+        driven = weighted(b, drive)
+        driven[:2] += start[: len(drive)] * drive[0]
+        answers.append(recursion(a, driven))
     # The modes are orthonormal, so the length of x is the length of the modal displacement.
     return DAMAGE_SCALE * float(magnitude(np.stack(answers).T).max())
 
@@ -219,8 +236,8 @@ def _damage_filters(
     """The modes in head axes, shape (3, 3), and per mode the recursion of its displacement.
 
     With state s = (x, x') and drive u, s1 = Phi s0 + G0 u0 + G1 u1 exactly for a linear u. Its
-    first component obeys x2 = tr Phi x1 - det Phi x0 + b0 u2 + b1 u1 + b2 u0. The filter's state
-    that makes x0 = 0 and x1 = G0 u0 + G1 u1 is proportional to u0, so it comes for u0 = 1.
+    first component obeys x2 = tr Phi x1 - det Phi x0 + b0 u2 + b1 u1 + b2 u0. What must be
+    added at the first two samples for x0 = 0 and x1 = G0 u0 + G1 u1 comes for u0 = 1.
     """
     stiffness, modes = np.linalg.eigh(damage_stiffness())
     filters = []

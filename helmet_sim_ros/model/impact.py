@@ -8,7 +8,6 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from helmet_sim_ros.biomech.record import (
     FloatArray,
@@ -16,6 +15,7 @@ from helmet_sim_ros.biomech.record import (
     block_labels,
     to_block,
 )
+from helmet_sim_ros.biomech.rotation import matrices
 from helmet_sim_ros.errors import DivergedError, PulseError
 from helmet_sim_ros.model import coupling
 from helmet_sim_ros.model.foam import residual_strains
@@ -153,13 +153,13 @@ class Impact:
         orientation = layout.read(sensors, "head_orientation")[:, [1, 2, 3, 0]]
         position = layout.read(sensors, "head_position")
         helmet_orientation = layout.read(sensors, "helmet_orientation")[:, [1, 2, 3, 0]]
-        turn = Rotation.from_quat(orientation).as_matrix()
+        turn = matrices(orientation)
         if layout.slides[0] >= 0:
             displacement = q[:, layout.slides[0] : layout.slides[0] + 3]
             shell, force = position + _turned(turn, displacement), -spring_rows
         else:  # the crushed liner, in the same sense: the ground pushes the shell upwards
-            helmet = Rotation.from_quat(helmet_orientation).as_matrix()
-            depth = crush_depth(self.setup.helmet_config.shell, position, helmet)
+            shell_turn = matrices(helmet_orientation)
+            depth = crush_depth(self.setup.helmet_config.shell, position, shell_turn)
             back = turn.transpose(0, 2, 1)
             displacement = _turned(back, np.array([[0.0, 0.0, 1.0]])) * depth[:, None]
             shell, force = position, _turned(back, ground[:, 0, :3])

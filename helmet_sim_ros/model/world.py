@@ -93,7 +93,7 @@ def build(setup: ImpactSetup) -> World:
     return World(parts, data, shapes, steps, notes)
 
 
-@lru_cache(maxsize=32)
+@lru_cache(maxsize=8)
 def _parts(
     rig: str, rider: Rider, helmet: Helmet, neck_flexion_deg: float, gravity: float, step: float
 ) -> Parts:

@@ -12,8 +12,8 @@ if TYPE_CHECKING:
 
 #: An error's text is cut here: some repeat the whole setup, which the row has anyway.
 MAX_ERROR = 300
-#: Samples of the impacts that are simulated before the first of them is evaluated (about 10 MB).
-SAMPLES_TOGETHER = 8000
+#: Impacts that are simulated before the first of them is evaluated, and their samples (10 MB).
+TOGETHER, SAMPLES_TOGETHER = 8, 8000
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ def _blocks(setups: Iterable[ImpactSetup | Outcome]) -> Iterator[list[Any]]:
     samples = 0
     for setup in setups:
         more = 0 if isinstance(setup, Outcome) else setup.samples
-        if block and samples + more > SAMPLES_TOGETHER:
+        if len(block) == TOGETHER or (block and samples + more > SAMPLES_TOGETHER):
             yield block
             block, samples = [], 0
         block.append(setup)
