@@ -123,6 +123,20 @@ def test_the_science_imports_no_ros():
     assert float(run.stdout) > 0
 
 
+def test_a_worker_loads_only_what_an_impact_needs():
+    """Each of these costs memory in every worker of a study, and time at the start of every node."""
+    code = (
+        "import sys\n"
+        "from helmet_sim_ros.study.worker import Job, run_chunk\n"
+        "(outcome,) = run_chunk(Job('ece_r22_05', ('hic_cfc1000', 'damage', 'clip_3ms')), [{}])\n"
+        "assert outcome.status == 'ok' and None not in outcome.values, outcome\n"
+        "heavy = 'scipy.signal scipy.stats scipy.ndimage scipy.spatial pyarrow optuna matplotlib'\n"
+        "print(*(set(heavy.split()) & set(sys.modules)))\n"
+    )
+    run = subprocess.run([sys.executable, "-c", code], check=True, cwd=ROOT, capture_output=True)
+    assert run.stdout.split() == []
+
+
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The package's wheel, built from a copy of the sources."""

@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.ndimage import minimum_filter1d
 
 from helmet_sim_ros.biomech.hic import Hic, hic
 from helmet_sim_ros.biomech.pulse import (
@@ -63,6 +62,16 @@ def clip(acceleration_g: ArrayLike, time_step: float, duration: float = CLIP_DUR
     return kept_level(resultant, float(time_step), lags)
 
 
+def _window_minima(values: FloatArray, run: int) -> FloatArray:
+    """The lowest of each ``run`` neighbours, shape (n - run + 1,)."""
+    span, lowest = 1, values
+    while 2 * span <= run:  # lowest of 1, 2, 4, ... neighbours
+        lowest = np.minimum(lowest[:-span], lowest[span:])
+        span *= 2
+    rest = run - span
+    return np.minimum(lowest[: len(lowest) - rest], lowest[rest:])
+
+
 def kept_level(resultant: FloatArray, time_step: float, lags: float) -> Span:
     """:func:`clip` of a checked resultant, (n,), for an interval of ``lags`` samples.
 
@@ -72,7 +81,7 @@ def kept_level(resultant: FloatArray, time_step: float, lags: float) -> Span:
     """
     n = len(resultant)
     run = max(int(lags + 1e-9), 1)  # samples inside an interval; some hold one more
-    lowest = minimum_filter1d(resultant, run, origin=-(run // 2))[: n - run + 1]
+    lowest = _window_minima(resultant, run)
     # The best interval from sample to sample: a better one lies among samples as high as that.
     more = min(math.ceil(lags - 1e-9) + 1, n) - run  # 1 or 2
     count = len(lowest) - more
