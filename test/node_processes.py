@@ -73,9 +73,10 @@ class Rig:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        codes = {name: self.stop(name) for name in list(self.processes)}
+        # Before the others leave: Fast DDS may hang if it hears of them while it goes.
         self.node.destroy_node()
         rclpy.try_shutdown()
+        codes = {name: self.stop(name) for name in list(self.processes)}
         if kind is None:
             assert set(codes.values()) <= {0}, codes
 

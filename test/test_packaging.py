@@ -124,7 +124,7 @@ def test_the_science_imports_no_ros():
 
 
 def test_a_worker_loads_only_what_an_impact_needs():
-    """Each of these costs memory in every worker of a study, and time at the start of every node."""
+    """Each of these costs memory in every worker of a study, and time at every start."""
     code = (
         "import sys\n"
         "from helmet_sim_ros.study.worker import Job, run_chunk\n"

@@ -20,12 +20,15 @@ from rclpy.task import Future
 
 from helmet_sim_ros.errors import HelmetSimError, SetupError
 from helmet_sim_ros.nodes.environment import prepare_environment
+from helmet_sim_ros.nodes.teardown import ending_anyway
 
 #: Wall clock for timers: a node may run with use_sim_time while simulation time stands still.
 WALL = Clock(clock_type=ClockType.STEADY_TIME)
 
 #: How long a signal may wait until an idle node notices it [s].
 _POLL = 0.1
+#: How long the middleware may take to leave the network, everything of ours being done [s].
+TEARDOWN = 5.0
 
 
 def run_node(name: str, create: Callable[[], Node], args: list[str] | None = None) -> int:
@@ -48,7 +51,7 @@ def run_node(name: str, create: Callable[[], Node], args: list[str] | None = Non
 
     for kind in (signal.SIGINT, signal.SIGTERM):
         signal.signal(kind, stop)
-    node = None
+    node, code = None, 0
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         node = create()
@@ -57,20 +60,21 @@ def run_node(name: str, create: Callable[[], Node], args: list[str] | None = Non
         while not stopped and rclpy.ok():
             _serve(executor, node)
     except ExternalShutdownException:
-        return 0
+        pass
     except SetupError as error:
         print(f"{name}: {error}", file=sys.stderr)
-        return 2
+        code = 2
     except (HelmetSimError, RuntimeError) as error:  # RCLError is a RuntimeError
         print(f"{name}: {error}", file=sys.stderr)
-        return 1
+        code = 1
     finally:
-        if node is not None:
-            if hasattr(node, "close"):
-                node.close()
-            node.destroy_node()
-        rclpy.try_shutdown()
-    return 0
+        if node is not None and hasattr(node, "close"):
+            node.close()
+        with ending_anyway(code, TEARDOWN):
+            if node is not None:
+                node.destroy_node()
+            rclpy.try_shutdown()
+    return code
 
 
 def _serve(executor: SingleThreadedExecutor, node: Node) -> None:
