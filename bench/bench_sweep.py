@@ -288,7 +288,7 @@ def scaling(plot: Path | None) -> None:
 
 
 def cost(values: dict[str, Any]) -> float:
-    """CPU time of one impact [ms], median."""
+    """CPU time of one impact [ms], the best of some: other load only ever adds."""
     setup = _setup(values)
     evaluate(simulate(setup))
     times = []
@@ -296,7 +296,7 @@ def cost(values: dict[str, Any]) -> float:
         start = time.process_time()
         evaluate(simulate(setup))
         times.append(time.process_time() - start)
-    return statistics.median(times) * 1e3
+    return min(times) * 1e3
 
 
 def contacts(values: dict[str, Any]) -> int:
@@ -322,7 +322,8 @@ def _plot(path: Path, found: dict[str, tuple[str, list[tuple[float, float]]]]) -
         figure.subplots(1, len(found)), found.items(), strict=True
     ):
         axis.plot(*zip(*points, strict=True), "o-")
-        axis.set(xlabel=f"{name} [{unit}]", ylim=(0.0, None))
+        highest = max(ms for _, ms in points)
+        axis.set(xlabel=f"{name} [{unit}]", ylim=(0.0, 1.1 * highest))
         axis.grid(alpha=0.3)
     figure.axes[0].set_ylabel("CPU time per impact [ms]")
     path.parent.mkdir(parents=True, exist_ok=True)
