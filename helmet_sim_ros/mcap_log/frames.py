@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Mapping
+from typing import Any
 
 import pandas as pd
 
 from helmet_sim_ros.biomech.record import ImpactRecord, block_labels, block_units, to_block
-
-if TYPE_CHECKING:
-    from helmet_sim_ros.mcap_log.reader import ImpactLog
+from helmet_sim_ros.biomech.result import Evaluation
 
 
 def sample_frame(record: ImpactRecord) -> pd.DataFrame:
@@ -25,15 +24,11 @@ def sample_frame(record: ImpactRecord) -> pd.DataFrame:
     return frame
 
 
-def result_frame(log: ImpactLog) -> pd.DataFrame:
-    """One row per impact: ``impact_id``, every setup value and criterion, and the verdict."""
-    rows = []
-    for impact in log.impacts:
-        evaluation = impact.evaluation
-        rows.append(
-            {"impact_id": impact.impact_id, "start_time": impact.start_time}
-            | dict(impact.setup)
-            | {name: criterion.value for name, criterion in evaluation.criteria.items()}
-            | {"verdict": evaluation.verdict}
-        )
-    return pd.DataFrame(rows)
+def result_frame(impacts: Iterable[tuple[Mapping[str, Any], Evaluation]]) -> pd.DataFrame:
+    """One row per impact: what is given of it, every criterion, and the verdict."""
+    return pd.DataFrame(
+        dict(given)
+        | {name: criterion.value for name, criterion in evaluation.criteria.items()}
+        | {"verdict": evaluation.verdict}
+        for given, evaluation in impacts
+    )

@@ -195,7 +195,13 @@ class ImpactLog:
         """The results as a pandas table: one row per impact, setup and criteria as columns."""
         from helmet_sim_ros.mcap_log.frames import result_frame
 
-        return result_frame(self)
+        return result_frame(
+            (
+                {"impact_id": impact.impact_id, "start_time": impact.start_time, **impact.setup},
+                impact.evaluation,
+            )
+            for impact in self.impacts
+        )
 
     def _refuse_newer(self) -> None:
         version = self.run.get("format", "1")
