@@ -9,8 +9,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from helmet_sim_ros.biomech.record import FloatArray, ImpactRecord
+from helmet_sim_ros.model.placement import place_head
 from helmet_sim_ros.model.setup import ImpactSetup
-from helmet_sim_ros.model.world import build, place_head
+from helmet_sim_ros.model.world import build
 
 _KINDS = {
     int(mujoco.mjtGeom.mjGEOM_ELLIPSOID): "ellipsoid",

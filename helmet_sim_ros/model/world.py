@@ -1,4 +1,4 @@
-"""The MuJoCo model of one impact: ground, head, helmet, body, and the pose at first touch."""
+"""The MuJoCo model of one impact: ground, head, helmet and body."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from helmet_sim_ros.model.coupling import deepest, law_table, unloading_exponent
 from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.layout import Layout
 from helmet_sim_ros.model.liner import Columns, columns, no_columns
+from helmet_sim_ros.model.placement import place
 from helmet_sim_ros.model.setup import ImpactSetup, Rider
 from helmet_sim_ros.model.stops import Stops, joint_stops
 from helmet_sim_ros.model.tree import Chains, chains
@@ -89,7 +90,7 @@ def build(setup: ImpactSetup) -> World:
         law[0, FRICTION] = setup.friction  # row 0 is the shell
         shapes = replace(shapes, law=law)
     data = mujoco.MjData(parts.model)
-    notes = _place(parts.model, data, shapes, setup)
+    notes = place(parts.model, data, shapes, setup)
     return World(parts, data, shapes, steps, notes)
 
 
@@ -143,49 +144,6 @@ def substeps(setup: ImpactSetup) -> int:
             limit = 2.0 / frequency * (math.hypot(1.0, damping) - damping)
             step = min(step, STABLE_SHARE * limit)
     return math.ceil(setup.time_step / max(step, MIN_STEP) - 1e-9)
-
-
-def head_to_world(setup: ImpactSetup) -> FloatArray:
-    """Rotation matrix head to world at the first touch, shape (3, 3).
-
-    A headform strikes with the axis of ``direction`` straight down. A rider lies with the body
-    axis (feet to head) along world x, inclined head down by ``body_angle_deg``, turned about it
-    so that the side named by ``direction`` faces the ground (``top``: prone), and the head is
-    bent towards the chest by the neck flexion.
-    """
-    down = np.array([0.0, 0.0, -1.0])
-    if setup.rig == "headform":
-        forward = np.array([1.0, 0.0, 0.0])
-        if setup.direction == "top":
-            return _frame("front", forward, down)
-        return _frame(setup.direction, down, forward)  # the crown points along world x
-    beta = math.radians(setup.body_angle_deg)
-    up = np.array([math.cos(beta), 0.0, -math.sin(beta)])
-    facing = np.array([-math.sin(beta), 0.0, -math.cos(beta)])
-    direction = "front" if setup.direction == "top" else setup.direction
-    flexion = math.radians(setup.resolved_neck_flexion_deg)
-    c, s = math.cos(flexion), math.sin(flexion)
-    nod = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
-    rotation: FloatArray = _frame(direction, facing, up) @ nod
-    return rotation
-
-
-def _frame(direction: str, facing: FloatArray, up: FloatArray) -> FloatArray:
-    """Head axes in world axes, the named side along ``facing``, z along ``up``."""
-    beside = np.array(  # up x facing
-        [
-            up[1] * facing[2] - up[2] * facing[1],
-            up[2] * facing[0] - up[0] * facing[2],
-            up[0] * facing[1] - up[1] * facing[0],
-        ]
-    )
-    x, y = {
-        "front": (facing, beside),
-        "back": (-facing, -beside),
-        "left": (-beside, facing),
-        "right": (beside, -facing),
-    }[direction]
-    return np.column_stack([x, y, up])
 
 
 def _empty_world(gravity: float, step: float) -> mujoco.MjSpec:
@@ -295,60 +253,3 @@ def _contact_shapes(model: mujoco.MjModel, helmet: Helmet) -> Shapes:
         np.vstack([helmet.shell.semi_axes, shapes.semi_axes]),
         np.vstack([law, shapes.law]),
     )
-
-
-def _place(
-    model: mujoco.MjModel, data: mujoco.MjData, shapes: Shapes, setup: ImpactSetup
-) -> tuple[str, ...]:
-    """Set pose and velocity: helmet just touching at the world origin, all moving as one."""
-    rotation = head_to_world(setup)
-    # A spring at rest: posture and neck flexion are the springs' reference angles.
-    hinges = model.jnt_qposadr[model.jnt_type == int(mujoco.mjtJoint.mjJNT_HINGE)]
-    data.qpos[hinges] = model.qpos_spring[hinges]
-    shell = setup.helmet_config.shell
-    down = rotation.T @ np.array([0.0, 0.0, -1.0])
-    axes = np.array(shell.semi_axes)
-    touch = np.array(shell.center) + axes**2 * down / np.linalg.norm(axes * down)
-    place_head(model, data, -rotation @ touch, rotation)
-    heading = math.radians(setup.tangential_heading_deg)
-    data.qvel[0] = setup.tangential_velocity * math.cos(heading)
-    data.qvel[1] = setup.tangential_velocity * math.sin(heading)
-    data.qvel[2] = -setup.normal_velocity
-    name, lowest = _lowest_body_part(model, data, shapes)
-    if lowest >= 0.0:
-        return ()
-    data.qpos[2] -= lowest
-    return (
-        f"{name} touches the ground first, the helmet starts {-lowest * 1e3:.1f} mm above it; "
-        "a larger body_angle_deg lets the helmet strike first",
-    )
-
-
-def place_head(
-    model: mujoco.MjModel, data: mujoco.MjData, position: FloatArray, rotation: FloatArray
-) -> None:
-    """Move the whole tree, joints as they are, so that the head frame has the given pose.
-
-    Args:
-        position: of the head's centre of gravity, shape (3,) [m].
-        rotation: head to world, shape (3, 3).
-    """
-    data.qpos[0:7] = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
-    mujoco.mj_kinematics(model, data)
-    head = data.body("head")
-    root = rotation @ head.xmat.reshape(3, 3).T
-    data.qpos[0:3] = position - root @ head.xpos
-    mujoco.mju_mat2Quat(data.qpos[3:7], root.flatten())
-    mujoco.mj_kinematics(model, data)
-
-
-def _lowest_body_part(
-    model: mujoco.MjModel, data: mujoco.MjData, shapes: Shapes
-) -> tuple[str, float]:
-    """Name and height [m] of the lowest point of the body, helmet left out."""
-    heights = shapes.lowest_points(data.xpos, data.xmat)
-    heights[shapes.body == model.body("helmet").id] = math.inf
-    if not len(heights):
-        return "", math.inf
-    lowest = int(heights.argmin())
-    return model.body(shapes.body[lowest]).name, float(heights[lowest])
