@@ -13,7 +13,7 @@ import ctypes
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 _SIGEV_THREAD = 2
 
@@ -44,12 +44,13 @@ def ending_anyway(code: int, seconds: float) -> Iterator[None]:
     A timer of the C library does it from a thread of its own, without the interpreter. Only where
     there is such a timer (Linux); elsewhere the block just runs.
     """
-    libc = ctypes.CDLL(None)
     if not sys.platform.startswith("linux") or ctypes.sizeof(ctypes.c_void_p) != 8:
         yield
         return
-    sys.stdout.flush()
-    sys.stderr.flush()
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(AttributeError, OSError, ValueError):  # none, or closed at its other end
+            stream.flush()
+    libc = ctypes.CDLL(None)
     leave = ctypes.cast(libc._exit, ctypes.c_void_p).value
     event = _Event(value=code, notify=_SIGEV_THREAD, function=leave)
     whole, rest = divmod(seconds, 1.0)
