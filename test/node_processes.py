@@ -22,7 +22,7 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import SetBool, Trigger
 
-from helmet_sim_ros.cli._processes import _end_with_parent
+from helmet_sim_ros.cli._processes import end_with_parent
 from helmet_sim_ros.nodes.environment import prepare_environment
 from helmet_sim_ros.nodes.qos import CRITERIA, LATCHED
 
@@ -94,7 +94,7 @@ class Rig:
                 [*command, "--ros-args", *flags, *arguments],
                 cwd=self.folder,
                 stderr=file,
-                preexec_fn=_end_with_parent,
+                preexec_fn=end_with_parent(),
             )
 
     def _said(self, name: str) -> Path:

@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -118,7 +118,7 @@ class NodeProcesses:
             stdout=output,
             stderr=output and subprocess.STDOUT,
             start_new_session=True,  # Ctrl-C reaches the nodes through stop(), in its order
-            preexec_fn=_end_with_parent if sys.platform == "linux" else None,
+            preexec_fn=end_with_parent(),
         )  # fmt: skip
 
     def _wait(self, seconds: float | None) -> None:
@@ -142,6 +142,18 @@ class NodeProcesses:
         return ": " + " | ".join(lines) if lines else ""
 
 
-def _end_with_parent() -> None:
-    """Have the kernel end this process when its parent dies, even by SIGKILL."""
-    ctypes.CDLL(None).prctl(1, signal.SIGTERM)  # 1: PR_SET_PDEATHSIG
+def end_with_parent() -> Callable[[], None] | None:
+    """A ``preexec_fn`` that has the kernel end a child when this process dies, even by SIGKILL.
+
+    None where the kernel cannot (it is Linux's).
+    """
+    if sys.platform != "linux":
+        return None
+    parent, libc = os.getpid(), ctypes.CDLL(None)
+
+    def prepare() -> None:
+        libc.prctl(1, signal.SIGTERM)  # 1: PR_SET_PDEATHSIG
+        if os.getppid() != parent:  # it died before the kernel knew
+            os._exit(1)
+
+    return prepare
