@@ -110,24 +110,26 @@ def test_foreign_results_end_with_2(study, call, tmp_path):
 
 @pytest.mark.parametrize(("signum", "code"), [(signal.SIGKILL, -9), (signal.SIGINT, 1)])
 def test_a_sweep_that_is_ended_goes_on_where_it_was(study, tmp_path, signum, code):
-    path = study(count=128)
+    total = 2048  # some seconds of work, so that the signal comes in the middle
+    path = study(count=total // 2)
     process = subprocess.Popen(
         [sys.executable, "-m", "helmet_sim_ros", "sweep", str(path), "--workers", "0"],
         cwd=tmp_path, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
     )  # fmt: skip
     rows = tmp_path / "mine.results" / "rows"
     deadline = time.monotonic() + 60.0
-    while len(list(rows.glob("*.parquet"))) < 2 and time.monotonic() < deadline:
+    while len(list(rows.glob("*.parquet"))) < 2:
+        assert process.poll() is None and time.monotonic() < deadline
         time.sleep(0.02)
     process.send_signal(signum)
     output, _ = process.communicate(timeout=60)
     assert process.returncode == code, output
     assert code < 0 or "the same command goes on" in output
     kept = sum(len(parquet.read_table(part)) for part in rows.glob("*.parquet"))
-    assert 0 < kept < 256
+    assert 0 < kept < total
     result = sweep(path, tmp_path / "mine.results", workers=0)
-    assert result.computed == 256 - kept
-    assert len(set(result.table["id"].to_pylist())) == 256
+    assert result.computed == total - kept
+    assert len(set(result.table["id"].to_pylist())) == total
     assert result.failed == 0
 
 

@@ -7,6 +7,7 @@ import shutil
 import signal
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 import pyarrow.parquet as parquet
@@ -287,9 +288,12 @@ def test_a_running_scheduler_is_used_as_it_is(study, tmp_path):
         import time
 
         deadline = time.monotonic() + 60.0
-        while not note.exists() and time.monotonic() < deadline:
+        address = None
+        while address is None:
+            assert scheduler.poll() is None and time.monotonic() < deadline
             time.sleep(0.1)
-        address = json.loads(note.read_text())["address"]
+            with suppress(FileNotFoundError, json.JSONDecodeError):  # not there, or half written
+                address = json.loads(note.read_text())["address"]
         result = sweep(study(), tmp_path / "out", scheduler=address)
     finally:
         for process in (worker, scheduler):

@@ -57,7 +57,7 @@ def wait_for_service(
                 f"no node answers {client.srv_name} in ROS domain {domain} after {seconds:g} s; "
                 "is it running (helmet-sim up)?"
             )
-        time.sleep(0.02)
+        time.sleep(0.02)  # rclpy tells of no such event; its own wait polls as well
 
 
 def call(

@@ -18,7 +18,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from helmet_sim_ros.biomech.record import FloatArray
-from helmet_sim_ros.model.tree import add_force
+from helmet_sim_ros.model.tree import WORLD_ORIGIN, add_force
 
 TANGENTIAL_SHARE = 0.8  # k_t / k; Mindlin: 2 (1 - nu) / (2 - nu), 0.82 for nu = 0.3
 RELAXATION = 5e-5  # s, tau: damps the stick oscillation of a light shell
@@ -166,10 +166,4 @@ def ground_contact(
             stick[i],
         )  # fmt: skip
         add_force(applied[b], origin, px, py, pz, fx, fy, fz)
-        row = wrench[0 if b == helmet else 1]
-        row[0] += fx
-        row[1] += fy
-        row[2] += fz
-        row[3] += py * fz - pz * fy
-        row[4] += pz * fx - px * fz
-        row[5] += px * fy - py * fx
+        add_force(wrench[0 if b == helmet else 1], WORLD_ORIGIN, px, py, pz, fx, fy, fz)

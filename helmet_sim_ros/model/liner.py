@@ -33,7 +33,7 @@ from helmet_sim_ros.model.foam import (
     unloading_stress,
 )
 from helmet_sim_ros.model.helmet import Helmet, Liner, Shell
-from helmet_sim_ros.model.tree import add_force
+from helmet_sim_ros.model.tree import WORLD_ORIGIN, add_force
 
 POISSON = 0.1  # EPS (general literature value): G = E / (2 (1 + nu))
 
@@ -251,12 +251,7 @@ def crush(
         shear = foam[i, MODULUS] / (2.0 * (1.0 + POISSON)) * g[AREA] * share * cosine / g[THICKNESS]
         fx, fy = friction_force(shear, RELAXATION, friction * fz, vx, vy, step, stick[i])
         add_force(applied, origin, px, py, 0.0, fx, fy, fz)
-        wrench[0] += fx
-        wrench[1] += fy
-        wrench[2] += fz
-        wrench[3] += py * fz
-        wrench[4] -= px * fz
-        wrench[5] += px * fy - py * fx
+        add_force(wrench, WORLD_ORIGIN, px, py, 0.0, fx, fy, fz)
 
 
 @njit(cache=True, nogil=True)

@@ -6,7 +6,7 @@ actuators) and, between samples, the present acceleration and the sensors. The i
 MuJoCo's Euler, implicit in the joints' damping D: (M + h D) a = F, v += h a, q += h v.
 
 The loop calls MuJoCo's C functions directly and works on numpy views of MuJoCo's arrays; with all
-forces it costs less than ``mj_step`` alone, and it releases the interpreter lock.
+forces it costs about as much as ``mj_step`` alone, and it releases the interpreter lock.
 """
 
 from __future__ import annotations

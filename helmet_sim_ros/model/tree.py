@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from helmet_sim_ros.biomech.record import FloatArray
 
+WORLD_ORIGIN = np.zeros(3)  # m
+
 #: The last degree of freedom that moves each body, shape (bodies,), and the one that each
 #: degree of freedom hangs on, shape (nv,); -1: none.
 Chains = tuple[NDArray[np.int64], NDArray[np.int64]]

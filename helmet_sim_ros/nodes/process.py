@@ -85,7 +85,7 @@ def _serve(executor: SingleThreadedExecutor, node: Node) -> None:
         raise
     except Exception as error:
         node.get_logger().error(f"a callback failed: {type(error).__name__}: {error}")
-        time.sleep(0.01)  # should it fail again and again
+        time.sleep(0.01)  # one that fails at every round must not fill the log
 
 
 def answering(
