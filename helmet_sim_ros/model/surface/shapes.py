@@ -38,6 +38,10 @@ TINY = 1e-30  # m, nearer to a core's point or axis there is no direction away f
 Form = tuple[float, float, float, float, float, float, float, float, float, float]
 
 
+#: A size row.
+Size = tuple[float, float, float, float, float]
+
+
 class Surface(NamedTuple):
     """Shapes in compiled form; row i belongs to shape i.
 
@@ -56,7 +60,7 @@ class Surface(NamedTuple):
     friction: FloatArray
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")  # a plane costs 1 ns instead of 30
 def signed_distance(
     surface: Surface, i: int, x: float, y: float, z: float
 ) -> tuple[float, float, float, float, float]:
@@ -71,26 +75,23 @@ def signed_distance(
         Distance [m], negative inside; outward unit normal x, y, z, world axes; sum of the two
         principal curvatures of the level surface through the point [1/m], positive where convex.
     """
-    r = surface.rotation[i]
-    dx = x - surface.position[i, 0]
-    dy = y - surface.position[i, 1]
-    dz = z - surface.position[i, 2]
-    if surface.kind[i] == HALF_SPACE:
-        return r[2] * dx + r[5] * dy + r[8] * dz, r[2], r[5], r[8], 0.0
-    form = local_form(
-        surface,
-        i,
-        r[0] * dx + r[3] * dy + r[6] * dz,
-        r[1] * dx + r[4] * dy + r[7] * dz,
-        r[2] * dx + r[5] * dy + r[8] * dz,
+    r, position = surface.rotation, surface.position
+    r2, r5, r8 = r[i, 2], r[i, 5], r[i, 8]
+    dx, dy, dz = x - position[i, 0], y - position[i, 1], z - position[i, 2]
+    along = r2 * dx + r5 * dy + r8 * dz
+    kind = surface.kind[i]
+    if kind == HALF_SPACE:
+        return along, r2, r5, r8, 0.0
+    r0, r1, r3, r4, r6, r7 = r[i, 0], r[i, 1], r[i, 3], r[i, 4], r[i, 6], r[i, 7]
+    d, nx, ny, nz, _, _, _, k1, _, k2 = local_form(
+        kind, size_of(surface, i), r0 * dx + r3 * dy + r6 * dz, r1 * dx + r4 * dy + r7 * dz, along
     )
-    nx, ny, nz = form[1], form[2], form[3]
     return (
-        form[0],
-        r[0] * nx + r[1] * ny + r[2] * nz,
-        r[3] * nx + r[4] * ny + r[5] * nz,
-        r[6] * nx + r[7] * ny + r[8] * nz,
-        form[7] + form[9],
+        d,
+        r0 * nx + r1 * ny + r2 * nz,
+        r3 * nx + r4 * ny + r5 * nz,
+        r6 * nx + r7 * ny + r8 * nz,
+        k1 + k2,
     )
 
 
@@ -109,11 +110,16 @@ def nearest(
     return best, d, nx, ny, nz, curvature
 
 
+@njit(cache=True, nogil=True, inline="always")
+def size_of(surface: Surface, i: int) -> Size:
+    """The size row of a shape. As a tuple: arrays cost their counting of references."""
+    s = surface.size
+    return s[i, 0], s[i, 1], s[i, 2], s[i, 3], s[i, 4]
+
+
 @njit(cache=True, nogil=True)
-def local_form(surface: Surface, i: int, x: float, y: float, z: float) -> Form:
-    """The :data:`Form` of a shape at a point in shape axes [m]."""
-    kind = surface.kind[i]
-    s = surface.size[i]
+def local_form(kind: int, s: Size, x: float, y: float, z: float) -> Form:
+    """The :data:`Form` of a shape of a kind and size at a point in shape axes [m]."""
     if kind == SPHERE:
         return _about_point(x, y, z, s[RADIUS], 0.0, 0.0, 1.0)
     if kind == CAPSULE:
