@@ -12,8 +12,8 @@ from pydantic import Field, model_validator
 
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.errors import Problem, SetupError
+from helmet_sim_ros.model.surface.compiled import Surface
 from helmet_sim_ros.model.surface.parts import KINDS, HalfSpace, Part, Target, part_of
-from helmet_sim_ros.model.surface.shapes import Surface, signed_distance
 from helmet_sim_ros.resources import find_config
 from helmet_sim_ros.schema import Config, quantity
 from helmet_sim_ros.yaml_file import read_yaml
@@ -53,6 +53,10 @@ class SurfaceConfig(Config):
     def _target_on_surface(self) -> SurfaceConfig:
         if not self.shapes:
             raise SetupError.of("shapes", [], "must hold at least one shape")
+        if self.is_flat_ground and self.target.point == (0.0, 0.0, 0.0) and self.target.is_level:
+            return self  # and the compiler need not be loaded
+        from helmet_sim_ros.model.surface.shapes import signed_distance
+
         surface, target = self.compiled(), self.target
         point, normal = np.array(target.point), target.unit_normal
         distance = [signed_distance(surface, i, *point)[0] for i in range(len(self.shapes))]
@@ -91,7 +95,7 @@ class SurfaceConfig(Config):
         Args:
             friction: of the shell on every shape [-]; ``None``: what the file says.
         """
-        return _compiled(self.shapes, self.friction, friction)
+        return compile_parts(self.shapes, self.friction, friction)
 
     @property
     def frame(self) -> tuple[FloatArray, FloatArray]:
@@ -100,6 +104,11 @@ class SurfaceConfig(Config):
         The columns are heading 0, heading 90 deg and the outward normal.
         """
         return np.array(self.target.point), self.target.rotation
+
+    @property
+    def half_thickness(self) -> float:
+        """Depth [m] that the signed distance cannot exceed in the thinnest shape."""
+        return min(part.half_thickness for part in self.shapes)
 
     @property
     def is_flat_ground(self) -> bool:
@@ -114,8 +123,10 @@ class SurfaceConfig(Config):
 
 
 @lru_cache(maxsize=64)
-def _compiled(parts: tuple[Part, ...], common: float, override: float | None) -> Surface:
-    """Friction of a shape: the override, else its own, else the common one."""
+def compile_parts(
+    parts: tuple[Part, ...], common: float = 0.0, override: float | None = None
+) -> Surface:
+    """Shapes for compiled code; friction is the override, else the shape's own, else ``common``."""
     friction = [
         override if override is not None else common if part.friction is None else part.friction
         for part in parts

@@ -5,19 +5,16 @@ from __future__ import annotations
 from numba import njit
 
 from helmet_sim_ros.biomech.record import FloatArray
-from helmet_sim_ros.model.surface.cutting import Plane, lowest_of_planes
-from helmet_sim_ros.model.surface.shapes import (
+from helmet_sim_ros.model.surface.compiled import (
     CAPSULE,
     FIRST,
     HALF_SPACE,
     RADIUS,
-    Form,
     Size,
     Surface,
-    local_form,
-    size_of,
-    tangent,
 )
+from helmet_sim_ros.model.surface.cutting import Plane, lowest_of_planes
+from helmet_sim_ros.model.surface.shapes import Form, local_form, size_of, tangent
 
 #: Newton ends with the step that promises less than this [m]; being of second order, the step
 #: leaves nothing to speak of.
@@ -263,7 +260,7 @@ def _cut(kind: int, size: Size, p: Pose, u: Vector, distance: float) -> tuple[Ve
     first = _plane(_form_at(kind, size, p, u), p, u)
     planes = (first, first, first, first)
     for _ in range(CUTS):
-        bound, other, kept = lowest_of_planes(planes)
+        bound, other, kept = lowest_of_planes(planes, u)
         form = _form_at(kind, size, p, other)
         if form[0] < distance:
             u, distance = other, form[0]

@@ -8,12 +8,11 @@ from typing import Literal
 
 import numpy as np
 from pydantic import model_validator
-from scipy.spatial.transform import Rotation
 
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.errors import Problem, SetupError
-from helmet_sim_ros.model.surface import shapes
-from helmet_sim_ros.model.surface.shapes import Size
+from helmet_sim_ros.model.surface import compiled
+from helmet_sim_ros.model.surface.compiled import Size
 from helmet_sim_ros.schema import Config, quantity
 
 Vector = tuple[float, float, float]
@@ -45,9 +44,8 @@ class _Part(Config):
     @property
     def rotation(self) -> FloatArray:
         """Shape axes to world, (3, 3)."""
-        angles = (-self.tilt_deg, 0.0, 0.0) if self.rotation_deg is None else self.rotation_deg
-        turned: FloatArray = Rotation.from_euler("xyz", angles, degrees=True).as_matrix()
-        return turned
+        x, y, z = (-self.tilt_deg, 0.0, 0.0) if self.rotation_deg is None else self.rotation_deg
+        return _turn(2, z) @ _turn(1, y) @ _turn(0, x)
 
 
 class HalfSpace(_Part):
@@ -57,8 +55,13 @@ class HalfSpace(_Part):
 
     @property
     def size(self) -> Size:
-        """Size row, see :class:`.shapes.Surface`; so in all classes below."""
+        """Size row, see :class:`.compiled.Surface`; so in all classes below."""
         return 0.0, 0.0, 0.0, 0.0, 0.0
+
+    @property
+    def half_thickness(self) -> float:
+        """Greatest depth inside [m]: no distance inside is greater; so in all classes below."""
+        return math.inf
 
 
 class Sphere(_Part):
@@ -70,6 +73,10 @@ class Sphere(_Part):
     @property
     def size(self) -> Size:
         return self.radius, 0.0, 0.0, 0.0, 0.0
+
+    @property
+    def half_thickness(self) -> float:
+        return self.radius
 
 
 class Capsule(_Part):
@@ -91,6 +98,10 @@ class Capsule(_Part):
     def size(self) -> Size:
         return self.radius, 0.5 * self.length - self.radius, 0.0, 0.0, 0.0
 
+    @property
+    def half_thickness(self) -> float:
+        return self.radius
+
 
 class Box(_Part):
     """A box with rounded edges and corners. ``position`` is its centre."""
@@ -110,6 +121,10 @@ class Box(_Part):
         x, y, z = (half - self.edge_radius for half in self.half_sizes)
         return self.edge_radius, x, y, z, 0.0
 
+    @property
+    def half_thickness(self) -> float:
+        return min(self.half_sizes)
+
 
 class Disc(_Part):
     """A flat round plate with rounded rims across its z axis. ``position`` is its centre."""
@@ -128,6 +143,10 @@ class Disc(_Part):
     def size(self) -> Size:
         r = self.edge_radius
         return r, self.radius - r, 0.5 * self.height - r, 0.0, 0.0
+
+    @property
+    def half_thickness(self) -> float:
+        return min(self.radius, 0.5 * self.height)
 
 
 class Wedge(_Part):
@@ -159,6 +178,11 @@ class Wedge(_Part):
         sine, cosine = math.sin(angle), math.cos(angle)
         return r, 0.5 * self.length - r, self.height - r * (1.0 - sine), sine, cosine
 
+    @property
+    def half_thickness(self) -> float:
+        r, half, height, sine, _ = self.size
+        return r + min(half, height * sine / (1.0 + sine))  # of the core: circle in the triangle
+
 
 class Ellipsoid(_Part):
     """An ellipsoid. ``position`` is its centre."""
@@ -175,18 +199,22 @@ class Ellipsoid(_Part):
     def size(self) -> Size:
         return 0.0, *self.semi_axes, 0.0
 
+    @property
+    def half_thickness(self) -> float:
+        return min(self.semi_axes)
+
 
 Part = HalfSpace | Sphere | Capsule | Box | Disc | Wedge | Ellipsoid
 
 #: Kind as written -> class and compiled kind.
 KINDS: dict[str, tuple[type[Part], int]] = {
-    "half_space": (HalfSpace, shapes.HALF_SPACE),
-    "sphere": (Sphere, shapes.SPHERE),
-    "capsule": (Capsule, shapes.CAPSULE),
-    "box": (Box, shapes.BOX),
-    "disc": (Disc, shapes.DISC),
-    "wedge": (Wedge, shapes.WEDGE),
-    "ellipsoid": (Ellipsoid, shapes.ELLIPSOID),
+    "half_space": (HalfSpace, compiled.HALF_SPACE),
+    "sphere": (Sphere, compiled.SPHERE),
+    "capsule": (Capsule, compiled.CAPSULE),
+    "box": (Box, compiled.BOX),
+    "disc": (Disc, compiled.DISC),
+    "wedge": (Wedge, compiled.WEDGE),
+    "ellipsoid": (Ellipsoid, compiled.ELLIPSOID),
 }
 
 
@@ -218,6 +246,11 @@ class Target(Config):
                 "x_axis", self.x_axis, "must not be zero or point along the normal of the target"
             )
         return self
+
+    @property
+    def is_level(self) -> bool:
+        """Whether the normal points straight up."""
+        return bool(self.unit_normal[2] == 1.0)
 
     @property
     def unit_normal(self) -> FloatArray:
@@ -258,6 +291,15 @@ def part_of(data: object, key: str) -> Part:
             [Problem(f"{key}.{p.key}", p.value, p.allowed) for p in error.problems]
         ) from None
     return part
+
+
+def _turn(axis: int, angle_deg: float) -> FloatArray:
+    """Rotation about one of the axes, (3, 3)."""
+    c, s = math.cos(math.radians(angle_deg)), math.sin(math.radians(angle_deg))
+    j, k = (axis + 1) % 3, (axis + 2) % 3
+    turn = np.eye(3)
+    turn[j, j], turn[j, k], turn[k, j], turn[k, k] = c, -s, s, c
+    return turn
 
 
 def _positive(key: str, values: Vector) -> None:

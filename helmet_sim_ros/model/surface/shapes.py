@@ -11,24 +11,26 @@ the origin, faces down to both sides of y. All other shapes are centred on the o
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
-import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from helmet_sim_ros.biomech.record import FloatArray
+from helmet_sim_ros.model.surface.compiled import (
+    BOX,
+    CAPSULE,
+    COSINE,
+    DISC,
+    ELLIPSOID,
+    FIRST,
+    HALF_SPACE,
+    RADIUS,
+    SECOND,
+    SINE,
+    SPHERE,
+    THIRD,
+    WEDGE,
+    Size,
+    Surface,
+)
 from helmet_sim_ros.model.surface.ellipsoid import ellipsoid_form
-
-HALF_SPACE, SPHERE, CAPSULE, BOX, DISC, WEDGE, ELLIPSOID = range(7)
-
-#: Columns of a size row. The radius of a sphere, a capsule or an edge; 0 where there is none.
-RADIUS = 0  # m
-#: Half the length of a capsule's core, half sizes of a box's core, semi-axes of an ellipsoid,
-#: radius and half height of a disc's core, half length and height of a wedge's core [m].
-FIRST, SECOND, THIRD = 1, 2, 3
-SINE, COSINE = 3, 4  # of a wedge's half angle [-]
-COLUMNS = 5
 
 SHARPEST = 1e-9  # m, least radius of curvature that is reported
 TINY = 1e-30  # m, nearer to a core's point or axis there is no direction away from it
@@ -36,28 +38,6 @@ TINY = 1e-30  # m, nearer to a core's point or axis there is no direction away f
 #: Distance [m], outward normal (3), a unit tangent e (3), and the second derivatives [1/m] of the
 #: distance along (e, e), (e, n x e), (n x e, n x e); all in shape axes.
 Form = tuple[float, float, float, float, float, float, float, float, float, float]
-
-
-#: A size row.
-Size = tuple[float, float, float, float, float]
-
-
-class Surface(NamedTuple):
-    """Shapes in compiled form; row i belongs to shape i.
-
-    Attributes:
-        kind: ``HALF_SPACE`` to ``ELLIPSOID``, shape (n,).
-        position: origin of the shape axes, world axes, (n, 3) [m].
-        rotation: shape axes to world, row-major, (n, 9).
-        size: by kind, see the named columns, (n, COLUMNS).
-        friction: of a shell on this shape, (n,) [-].
-    """
-
-    kind: NDArray[np.int64]
-    position: FloatArray
-    rotation: FloatArray
-    size: FloatArray
-    friction: FloatArray
 
 
 @njit(cache=True, nogil=True, inline="always")  # a plane costs 1 ns instead of 30
