@@ -12,7 +12,7 @@ from scipy.integrate import trapezoid
 from helmet_sim_ros.biomech.evaluation import evaluate
 from helmet_sim_ros.biomech.record import FloatArray, ImpactRecord
 from helmet_sim_ros.errors import SetupError
-from helmet_sim_ros.model.foam import bottoming_strain, foam_row
+from helmet_sim_ros.model.force.foam import bottoming_strain, foam_row
 from helmet_sim_ros.model.impact import simulate
 from helmet_sim_ros.model.setup import ImpactSetup
 from helmet_sim_ros.study.scenario import load_scenario

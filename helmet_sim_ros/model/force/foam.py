@@ -16,9 +16,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from helmet_sim_ros.biomech.record import FloatArray
+from helmet_sim_ros.model.compiled import compiled
 
 SOLID_DENSITY = 1050.0  # kg/m^3, polystyrene (Gibson & Ashby, table 3.1)
 GAS_PRESSURE = 101_325.0  # Pa, cell gas at the start
@@ -62,7 +62,7 @@ def bottoming_strain(foam: FloatArray) -> float:
     return float(foam[LIMIT] * foam[YIELD] / (foam[GAS] + foam[YIELD]))
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def loading_stress(strain: float, foam: FloatArray) -> float:
     """Stress [Pa] on the loading path."""
     edge = LINEAR_FROM * foam[LIMIT]
@@ -74,7 +74,7 @@ def loading_stress(strain: float, foam: FloatArray) -> float:
     return stress
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def energy_between(low: float, high: float, foam: FloatArray) -> float:
     """Energy per volume [J/m^3] on the loading path from one strain to a higher one, the integral
     of :func:`loading_stress`."""
@@ -92,7 +92,7 @@ def energy_between(low: float, high: float, foam: FloatArray) -> float:
     return energy
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def residual_strain(largest: float, foam: FloatArray) -> float:
     """Strain that stays after unloading from ``largest``."""
     if largest <= foam[YIELD] / foam[MODULUS] * 1e-3:
@@ -103,7 +103,7 @@ def residual_strain(largest: float, foam: FloatArray) -> float:
     return max(0.0, largest - width)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def residual_strains(largest: FloatArray, foam: FloatArray) -> FloatArray:
     """:func:`residual_strain` of each column, shape (n,), of the strains (n,) and rows (n, 5)."""
     rest = np.empty(len(largest))
@@ -112,7 +112,7 @@ def residual_strains(largest: FloatArray, foam: FloatArray) -> FloatArray:
     return rest
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def unloading_stress(strain: float, largest: float, rest: float, foam: FloatArray) -> float:
     """Stress [Pa] at a strain below ``largest``, whose :func:`residual_strain` is ``rest``."""
     if strain <= rest:
@@ -120,7 +120,7 @@ def unloading_stress(strain: float, largest: float, rest: float, foam: FloatArra
     return loading_stress(largest, foam) * (strain - rest) / (largest - rest)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def mean_over_point(low: float, high: float, foam: FloatArray) -> float:
     """Loading stress averaged over strains ``low`` to ``high``, over that at their middle [-]."""
     if high - low < 1e-6:
