@@ -25,11 +25,11 @@ import psutil
 
 from helmet_sim_ros import ImpactSetup, evaluate, simulate
 from helmet_sim_ros.model.impact import Impact
-from helmet_sim_ros.study import engine as engines
 from helmet_sim_ros.study import sweep
-from helmet_sim_ros.study.engine import Chunk, Engine, open_engine
-from helmet_sim_ros.study.study import Study, StudyFile, build_study
-from helmet_sim_ros.study.worker import Job, run_chunk
+from helmet_sim_ros.study.sweeps import engine as engines
+from helmet_sim_ros.study.sweeps.engine import Chunk, Engine, open_engine
+from helmet_sim_ros.study.sweeps.study import Study, StudyFile, build_study
+from helmet_sim_ros.study.sweeps.worker import Job, run_chunk
 
 IMPACTS = 1000
 ROUNDS = 9
@@ -213,7 +213,7 @@ def _pid() -> int:
 
 def client() -> None:
     """What one client and one scheduler can keep up with, and how large results get."""
-    from helmet_sim_ros.study.store import ResultStore
+    from helmet_sim_ros.study.sweeps.results import ResultStore
 
     start = time.process_time()
     plan = study(LONG_RUN * 10, "spring")

@@ -127,7 +127,7 @@ def test_a_worker_loads_only_what_an_impact_needs():
     """Each of these costs memory in every worker of a study, and time at every start."""
     code = (
         "import sys\n"
-        "from helmet_sim_ros.study.worker import Job, run_chunk\n"
+        "from helmet_sim_ros.study.sweeps.worker import Job, run_chunk\n"
         "(outcome,) = run_chunk(Job('ece_r22_05', ('hic_cfc1000', 'damage', 'clip_3ms')), [{}])\n"
         "assert outcome.status == 'ok' and None not in outcome.values, outcome\n"
         "heavy = 'scipy.signal scipy.stats scipy.ndimage scipy.spatial pyarrow optuna matplotlib'\n"

@@ -11,8 +11,8 @@ from helmet_sim_ros.errors import StudyError
 
 if TYPE_CHECKING:
     from helmet_sim_ros.nodes.log_session import LogSession
-    from helmet_sim_ros.study.study import Row
-    from helmet_sim_ros.study.sweeper import SweepResult
+    from helmet_sim_ros.study.sweeps.study import Row
+    from helmet_sim_ros.study.sweeps.sweep import SweepResult
 
 FILE = "histories.mcap"
 #: Impacts start at whole multiples of this in the log [s]; the first one after one second, because

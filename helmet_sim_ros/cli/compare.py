@@ -16,7 +16,7 @@ from rich.text import Text
 from helmet_sim_ros.cli._logs import DIFFERENT, FINE
 
 if TYPE_CHECKING:
-    from helmet_sim_ros.report.compare import Change, Pair
+    from helmet_sim_ros.report.review.compare import Change, Pair
 
 #: Compared unless the user chooses.
 DEFAULT = (
@@ -56,8 +56,8 @@ def command(
     from helmet_sim_ros.biomech.catalogue import entry
     from helmet_sim_ros.errors import LogError
     from helmet_sim_ros.mcap_log import open_log
-    from helmet_sim_ros.report.compare import changes, overlay_figure, paired
-    from helmet_sim_ros.report.figures import save_figure
+    from helmet_sim_ros.report.figures.save import save_figure
+    from helmet_sim_ros.report.review.compare import changes, overlay_figure, paired
 
     for name in names:
         entry(name)  # refuse an unknown one

@@ -45,8 +45,8 @@ def export(log: ImpactLog, form: str, output: Path, only: tuple[str, ...] = ()) 
     Raises:
         LogError: no such impact, the log is damaged, or a file cannot be written.
     """
-    from helmet_sim_ros.report import tables
-    from helmet_sim_ros.report.isomme import write_isomme
+    from helmet_sim_ros.report.export import tables
+    from helmet_sim_ros.report.export.isomme import write_isomme
 
     impacts = [impact for impact in log if not only or impact.impact_id in only]
     if missing := set(only) - {impact.impact_id for impact in impacts}:

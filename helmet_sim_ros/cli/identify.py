@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 if TYPE_CHECKING:
-    from helmet_sim_ros.study.identify import Identification
+    from helmet_sim_ros.study.identification.fit import Identification
 
 
 @click.command()
@@ -48,9 +48,9 @@ def command(
     scenario drop_tests is simulated with the foam liner of the base helmet.
     """
     from helmet_sim_ros.model.helmet import load_helmet
-    from helmet_sim_ros.study.drop_table import read_drop_table, write_drop_table
-    from helmet_sim_ros.study.drop_tests import simulated_drops
-    from helmet_sim_ros.study.identify import identify, write_helmet
+    from helmet_sim_ros.study.identification.drop_table import read_drop_table, write_drop_table
+    from helmet_sim_ros.study.identification.drop_tests import simulated_drops
+    from helmet_sim_ros.study.identification.fit import identify, write_helmet
 
     console = Console(highlight=False)
     base = load_helmet(helmet)
@@ -70,9 +70,10 @@ def command(
         write_helmet(result, output, f"{helmet} with its spring identified from {origin}.")
         console.print(f"helmet: {output}")
     if plot:
-        from helmet_sim_ros.report.identification import identification_figure, save
+        from helmet_sim_ros.report.figures.drops import identification_figure
+        from helmet_sim_ros.report.figures.save import save_figure
 
-        save(identification_figure(result, loops), plot)
+        save_figure(identification_figure(result, loops), plot)
         console.print(f"figure: {plot}")
 
 

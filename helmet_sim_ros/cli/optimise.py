@@ -14,7 +14,7 @@ from helmet_sim_ros.cli._progress import shown_progress
 from helmet_sim_ros.errors import StudyError
 
 if TYPE_CHECKING:
-    from helmet_sim_ros.study.trials import OptimisationResult, Trial
+    from helmet_sim_ros.study.optimisation.trials import OptimisationResult, Trial
 
 
 @click.command()
@@ -45,9 +45,9 @@ def command(
     Exit code 0: a design meets every limit, and no impact failed; 1: otherwise, or stopped on the
     way (what is finished is kept, the same command goes on); 2: bad input, nothing was computed.
     """
-    from helmet_sim_ros.study.optimisation import load_optimisation
-    from helmet_sim_ros.study.optimiser import optimise
-    from helmet_sim_ros.study.overrides import parse_overrides
+    from helmet_sim_ros.study.optimisation.plan import load_optimisation
+    from helmet_sim_ros.study.optimisation.search import optimise
+    from helmet_sim_ros.study.scenario.overrides import parse_overrides
 
     if workers is not None and scheduler is not None:
         raise click.UsageError("--workers and --scheduler exclude each other")

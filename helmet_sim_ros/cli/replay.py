@@ -52,21 +52,21 @@ def command(
                 "--live needs a screen: neither DISPLAY nor WAYLAND_DISPLAY is set"
             )
     else:
-        from helmet_sim_ros.report.gl import GraphicsError, choose_backend
+        from helmet_sim_ros.report.replay.gl import GraphicsError, choose_backend
 
         try:
             choose_backend()
         except GraphicsError as error:
             raise SystemExit(complain(error)) from error
     from helmet_sim_ros.cli.export import plain
-    from helmet_sim_ros.report.summary import label
+    from helmet_sim_ros.report.review.summary import label
 
     def show(log: ImpactLog) -> int:
         for impact in _chosen(log, only):
             if live:
                 _live(impact, look["slow"])
                 continue
-            from helmet_sim_ros.report.video import VideoOptions, write_video
+            from helmet_sim_ros.report.replay.video import VideoOptions, write_video
 
             path = output / f"{plain(log.path.stem)}_{plain(impact.impact_id)}.mp4"
             options = VideoOptions(width=width, height=height, **look)
@@ -113,7 +113,7 @@ def _live(impact: LoggedImpact, slow: float) -> None:
     import mujoco.viewer
     import numpy as np
 
-    from helmet_sim_ros.report.stage import Stage
+    from helmet_sim_ros.report.replay.stage import Stage
 
     record = impact.record
     stage = Stage(record)

@@ -28,7 +28,7 @@ def command(logs: tuple[Path, ...], output: Path | None, standard: str | None) -
 
     The page needs no network and no other file.
     """
-    from helmet_sim_ros.report.html import write_report
+    from helmet_sim_ros.report.page.page import write_report
 
     def write(opened: list[ImpactLog], path: Path) -> int:
         write_report(opened, path, standard)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from helmet_sim_ros.mcap_log import ImpactLog
-    from helmet_sim_ros.report.review import Reviewed
+    from helmet_sim_ros.report.review.check import Reviewed
 
 #: Differences shown per impact; the rest is counted.
 MOST_DIFFERENCES = 8
@@ -44,7 +44,7 @@ def command(
 
     Exit code 0: all is as logged; 1: a criterion differs; 2: a log cannot be read.
     """
-    from helmet_sim_ros.report.review import review
+    from helmet_sim_ros.report.review.check import review
 
     console = Console(highlight=False)
 
@@ -62,7 +62,7 @@ def command(
 
 
 def _show_log(console: Console, log: ImpactLog, rows: list[Reviewed], full_setup: bool) -> None:
-    from helmet_sim_ros.report.summary import SHORT, common, shown
+    from helmet_sim_ros.report.review.summary import SHORT, common, shown
 
     def say(text: str, style: str = "") -> None:
         console.print(text, style=style, markup=False, soft_wrap=True)
@@ -100,7 +100,7 @@ def _show_log(console: Console, log: ImpactLog, rows: list[Reviewed], full_setup
 def _table(rows: list[Reviewed]) -> Table:
     from helmet_sim_ros.cli._table import SHORT as COLUMNS
     from helmet_sim_ros.cli._table import VERDICT_STYLE
-    from helmet_sim_ros.report.summary import FOLLOWING, LEADING, shown, varying
+    from helmet_sim_ros.report.review.summary import FOLLOWING, LEADING, shown, varying
 
     setups = [row.impact.setup for row in rows]
     more = [n for n in varying(setups) if n not in (*LEADING, *FOLLOWING)][:2]

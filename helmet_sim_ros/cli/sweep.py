@@ -15,8 +15,8 @@ from helmet_sim_ros.cli._progress import shown_progress
 from helmet_sim_ros.errors import StudyError
 
 if TYPE_CHECKING:
-    from helmet_sim_ros.study.estimate import Estimate
-    from helmet_sim_ros.study.sweeper import SweepResult
+    from helmet_sim_ros.study.sweeps.percentiles import Estimate
+    from helmet_sim_ros.study.sweeps.sweep import SweepResult
 
 
 @click.command()
@@ -45,9 +45,9 @@ def command(
     Exit code 0: every impact has its criteria; 1: not all, or stopped on the way (what is finished
     is kept, the same command goes on); 2: bad input, nothing was computed.
     """
-    from helmet_sim_ros.study.overrides import parse_overrides
-    from helmet_sim_ros.study.study import load_study
-    from helmet_sim_ros.study.sweeper import sweep
+    from helmet_sim_ros.study.scenario.overrides import parse_overrides
+    from helmet_sim_ros.study.sweeps.study import load_study
+    from helmet_sim_ros.study.sweeps.sweep import sweep
 
     if workers is not None and scheduler is not None:
         raise click.UsageError("--workers and --scheduler exclude each other")
@@ -79,7 +79,7 @@ def command(
 
 def report(result: SweepResult, console: Console) -> None:
     """Print estimates, failures and where the results are."""
-    from helmet_sim_ros.study.estimate import converged, convergence
+    from helmet_sim_ros.study.sweeps.percentiles import converged, convergence
 
     if result.study.file.percentiles is not None:
         found = convergence(result.table, result.study.file.percentiles)
