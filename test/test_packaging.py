@@ -150,6 +150,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_wheel_makes_its_prefix_an_ament_prefix(wheel: Path):
+    package = ROOT / "helmet_sim_ros"
     with zipfile.ZipFile(wheel) as archive:
         names = set(archive.namelist())
         data = "helmet_sim_ros-" + wheel.name.split("-")[1] + ".data/data"
@@ -162,6 +163,8 @@ def test_a_wheel_makes_its_prefix_an_ament_prefix(wheel: Path):
             if path.is_file() and "__pycache__" not in path.parts:
                 assert f"{data}/share/helmet_sim_ros/{path.relative_to(ROOT).as_posix()}" in names
         assert "helmet_sim_ros/py.typed" in names
+        for path in [*package.rglob("*.pyi"), *(package / "report" / "assets").iterdir()]:
+            assert path.relative_to(ROOT).as_posix() in names
 
 
 def test_an_installed_wheel_finds_its_configuration(wheel: Path, tmp_path: Path):

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 from rich.console import Console
 
 from helmet_sim_ros.cli._logs import FINE, for_each_log, logs_argument
 from helmet_sim_ros.errors import LogError
-
-if TYPE_CHECKING:
-    from helmet_sim_ros.mcap_log import ImpactLog
+from helmet_sim_ros.mcap_log import ImpactLog
 
 
 @click.command()

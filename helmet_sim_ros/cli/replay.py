@@ -6,16 +6,13 @@ import os
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import click
 from rich.console import Console
 
 from helmet_sim_ros.cli._logs import FINE, complain, for_each_log, logs_argument
 from helmet_sim_ros.errors import LogError
-
-if TYPE_CHECKING:
-    from helmet_sim_ros.mcap_log import ImpactLog, LoggedImpact
+from helmet_sim_ros.mcap_log import ImpactLog, LoggedImpact
 
 
 @click.command()
@@ -37,9 +34,13 @@ def command(
     logs: tuple[Path, ...],
     output: Path,
     only: tuple[str, ...],
+    slow: float,
     size: str,
+    rate: int,
+    close: bool,
+    azimuth: float,
+    elevation: float,
     live: bool,
-    **look: Any,
 ) -> None:
     """Render a video of every impact of each LOG: bodies, force arrows, and the pulse as time bar.
 
@@ -64,12 +65,12 @@ def command(
     def show(log: ImpactLog) -> int:
         for impact in _chosen(log, only):
             if live:
-                _live(impact, look["slow"])
+                _live(impact, slow)
                 continue
             from helmet_sim_ros.report.replay.video import VideoOptions, write_video
 
             path = output / f"{plain(log.path.stem)}_{plain(impact.impact_id)}.mp4"
-            options = VideoOptions(width=width, height=height, **look)
+            options = VideoOptions(width, height, rate, slow, close, azimuth, elevation)
             count = write_video(impact.record, path, options, label(impact.setup))
             text = f"{os.path.relpath(path)} ({count} pictures)"
             Console(highlight=False).print(text, markup=False, soft_wrap=True)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 from rich import box
@@ -13,10 +12,10 @@ from rich.table import Table
 
 from helmet_sim_ros.cli._progress import shown_progress
 from helmet_sim_ros.errors import StudyError
-
-if TYPE_CHECKING:
-    from helmet_sim_ros.study.sweeps.percentiles import Estimate
-    from helmet_sim_ros.study.sweeps.sweep import SweepResult
+from helmet_sim_ros.study.scenario.overrides import parse_overrides
+from helmet_sim_ros.study.sweeps.percentiles import Estimate, converged, convergence
+from helmet_sim_ros.study.sweeps.study import load_study
+from helmet_sim_ros.study.sweeps.sweep import SweepResult, sweep
 
 
 @click.command()
@@ -45,10 +44,6 @@ def command(
     Exit code 0: every impact has its criteria; 1: not all, or stopped on the way (what is finished
     is kept, the same command goes on); 2: bad input, nothing was computed.
     """
-    from helmet_sim_ros.study.scenario.overrides import parse_overrides
-    from helmet_sim_ros.study.sweeps.study import load_study
-    from helmet_sim_ros.study.sweeps.sweep import sweep
-
     if workers is not None and scheduler is not None:
         raise click.UsageError("--workers and --scheduler exclude each other")
     console = Console(highlight=False)
@@ -66,8 +61,14 @@ def command(
         ) from None
     report(result, console)
     if plan.file.histories is not None:
-        from helmet_sim_ros.cli._histories import write_histories
-
+        try:
+            from helmet_sim_ros.cli._histories import write_histories
+        except ImportError as error:
+            raise StudyError(
+                f"histories are logs of ROS messages, which are not installed ({error}); all other "
+                "results are there. Source a ROS 2 installation, or: "
+                "pip install helmet_sim_ros[ros]"
+            ) from None
         with shown_progress(console, "histories") as progress:
             path, differing = write_histories(result, progress)
         for line in differing:
@@ -79,8 +80,6 @@ def command(
 
 def report(result: SweepResult, console: Console) -> None:
     """Print estimates, failures and where the results are."""
-    from helmet_sim_ros.study.sweeps.percentiles import converged, convergence
-
     if result.study.file.percentiles is not None:
         found = convergence(result.table, result.study.file.percentiles)
         console.print(estimate_table(found))

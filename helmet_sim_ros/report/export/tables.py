@@ -6,7 +6,6 @@ import csv
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -70,7 +69,7 @@ def write_results_parquet(impacts: Sequence[LoggedImpact], path: Path) -> None:
         values = [row.get(name) for row in rows]
         kinds = {type(value) for value in values if value is not None}
         if kinds == {int, float}:
-            values = [None if value is None else float(value) for value in values]
+            values = [float(v) if isinstance(v, int | float) else None for v in values]
         elif len(kinds) > 1 or kinds == {list}:
             values = [None if value is None else _cell(value) for value in values]
         arrays.append(pyarrow.array(values))
@@ -80,12 +79,12 @@ def write_results_parquet(impacts: Sequence[LoggedImpact], path: Path) -> None:
 
 def _results(
     impacts: Sequence[LoggedImpact],
-) -> tuple[list[str], list[str], list[dict[str, Any]]]:
+) -> tuple[list[str], list[str], list[dict[str, object]]]:
     rows = []
     names: dict[str, str] = {}
     for impact in impacts:
         evaluation = impact.evaluation
-        row: dict[str, Any] = {"impact_id": impact.impact_id, "start_time": impact.start_time}
+        row: dict[str, object] = {"impact_id": impact.impact_id, "start_time": impact.start_time}
         names |= {"impact_id": "", "start_time": "s"}
         row |= impact.setup
         names |= {name: names.get(name, setup_unit(name)) for name in impact.setup}
@@ -118,7 +117,7 @@ def criterion_label(name: str, unit: str) -> str:
     return meaning if unit in ("", "-") else f"{meaning} [{unit}]"
 
 
-def _cell(value: Any) -> Any:
+def _cell(value: object) -> object:
     if isinstance(value, float):
         return repr(value)
     return json.dumps(value) if isinstance(value, list | tuple | dict | bool) else value

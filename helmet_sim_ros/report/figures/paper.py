@@ -10,9 +10,10 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from helmet_sim_ros.biomech.pulse import STANDARD_GRAVITY, FloatArray, magnitude
@@ -24,6 +25,8 @@ from helmet_sim_ros.study.scenario.reference import load_reference
 DROP_FIGURES = {"fig3": ("front", "back"), "fig4": ("side", "top")}
 #: Normal speeds [m/s] of Figs 7 to 9.
 OBLIQUE_FIGURES = {2.5: "fig7", 5.0: "fig8", 7.5: "fig9"}
+
+Value = TypeVar("Value", float, str)
 
 _COLORS = ("#1b6ca8", "#3a9d5d", "#d98c1f", "#c0392b", "#7d3c98", "#566573")
 _STYLES = ("-", "--", ":", "-.")
@@ -113,7 +116,7 @@ def _history(impact: LoggedImpact) -> _History:
     )  # fmt: skip
 
 
-def _panels(count: int, sharey: bool = True) -> tuple[Figure, list[Any]]:
+def _panels(count: int, sharey: bool = True) -> tuple[Figure, list[Axes]]:
     columns = min(count, 2)
     rows = math.ceil(count / columns)
     figure = Figure(figsize=(5.0 * columns, 3.6 * rows), layout="constrained")
@@ -200,5 +203,5 @@ def _histories_figure(histories: Sequence[_History]) -> Figure:
     return figure
 
 
-def _ordered(values: Iterable[Any]) -> list[Any]:
+def _ordered(values: Iterable[Value]) -> list[Value]:
     return list(dict.fromkeys(values))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from markupsafe import Markup
 
@@ -14,7 +12,7 @@ _RINGS = (45, 90, 135)  # deg from the crown
 _REACH = 150.0  # deg from the crown at the edge of the map
 
 
-def crush_panel(record: ImpactRecord) -> dict[str, Any] | None:
+def crush_panel(record: ImpactRecord) -> dict[str, object] | None:
     """The map with its title; None for a helmet without foam.
 
     Azimuthal equidistant: the crown in the middle, the front up, the left side left; the distance

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from importlib import resources
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
 
 import jinja2
 import numpy as np
@@ -28,7 +27,7 @@ from helmet_sim_ros.report.page.replay import packed, replay_data
 from helmet_sim_ros.report.page.svg import Curve, panel
 from helmet_sim_ros.report.review.check import Reviewed, review
 from helmet_sim_ros.report.review.summary import common, labels, shown, varying
-from helmet_sim_ros.study.scenario.reference import load_reference
+from helmet_sim_ros.study.scenario.reference import Published, load_reference
 
 #: Samples drawn per history; longer records are thinned out.
 MOST_SAMPLES = 4001
@@ -107,7 +106,7 @@ def report_page(logs: Sequence[ImpactLog], standard: str | None = None) -> str:
         "reference": load_reference("table1").source,
         "setup": _setup_rows(common(setups)),
         "provenance": [row for log in logs for row in _provenance(log)],
-        "kept": sum(not m["fail"] for i in impacts for m in i["messages"]),
+        "kept": sum(not m["fail"] for _, row in rows for m in _messages(row.evaluation)),
         "limits": [*LIMITS, *_warnings(row.evaluation for _, row in rows)],
     }
     context |= {name: Markup(_asset(file)) for name, file in _INLINE.items()}
@@ -122,10 +121,10 @@ def _impact(
     log: ImpactLog,
     row: Reviewed,
     names: tuple[str, str],
-    published: Any,
+    published: Published,
     models: dict[str, list[str]],
     different: list[str],
-) -> dict[str, Any]:
+) -> dict[str, object]:
     impact, evaluation = row.impact, row.evaluation
     record, setup = impact.record, impact.setup
     stride = math.ceil(len(record) / MOST_SAMPLES)
@@ -153,10 +152,7 @@ def _impact(
         },
         "verdict": evaluation.verdict,
         "check": row.check,
-        "messages": [
-            {"text": text, "fail": "exceeds" in text.partition(":")[2]}
-            for text in evaluation.messages
-        ],
+        "messages": _messages(evaluation),
         "differences": [str(difference) for difference in row.differences],
         "tiles": [_tile(evaluation.criteria[n]) for n in HEADLINE if n in evaluation.criteria],
         "criteria": [_criterion(criterion) for criterion in evaluation.criteria.values()],
@@ -169,7 +165,13 @@ def _impact(
     }
 
 
-def _histories(record: ImpactRecord, evaluation: Evaluation, stride: int) -> dict[str, Any]:
+def _messages(evaluation: Evaluation) -> list[dict[str, object]]:
+    return [
+        {"text": text, "fail": "exceeds" in text.partition(":")[2]} for text in evaluation.messages
+    ]
+
+
+def _histories(record: ImpactRecord, evaluation: Evaluation, stride: int) -> dict[str, object]:
     """What ``report.js`` draws over time: g, kN, mm and ms."""
     acceleration = record.head_acceleration / STANDARD_GRAVITY
     normal, tangential = ground_components(record.ground_force)
@@ -185,7 +187,7 @@ def _histories(record: ImpactRecord, evaluation: Evaluation, stride: int) -> dic
     criteria = evaluation.criteria
     window = criteria["hic"].window if "hic" in criteria else None
     thickness = record.setup.get("helmet.liner.thickness")
-    limits = {"acceleration": [], "compression": []}  # type: dict[str, list[dict[str, Any]]]
+    limits: dict[str, list[dict[str, object]]] = {"acceleration": [], "compression": []}
     if "peak_g" in criteria and criteria["peak_g"].limit is not None:
         limit = criteria["peak_g"].limit
         limits["acceleration"].append({"value": limit, "label": f"limit {limit:g} g"})
@@ -213,7 +215,9 @@ def _histories(record: ImpactRecord, evaluation: Evaluation, stride: int) -> dic
     }
 
 
-def _mark(criteria: Any, name: str, series: str, factor: float, unit: str) -> list[dict[str, Any]]:
+def _mark(
+    criteria: Mapping[str, Criterion], name: str, series: str, factor: float, unit: str
+) -> list[dict[str, object]]:
     """A marked peak of a history."""
     criterion = criteria.get(name)
     if criterion is None or criterion.time is None:
@@ -223,9 +227,9 @@ def _mark(criteria: Any, name: str, series: str, factor: float, unit: str) -> li
     return [{"series": series, "time": criterion.time * 1e3, "value": value, "label": text}]
 
 
-def _panels(record: ImpactRecord) -> list[dict[str, Any]]:
+def _panels(record: ImpactRecord) -> list[dict[str, object]]:
     """Force-compression loops per axis, and tangential over normal force."""
-    panels = []
+    panels: list[dict[str, object]] = []
     sides = (("x", "front-back"), ("y", "sideways"), ("z", "up-down"))
     for axis, (name, words) in enumerate(sides):
         loop = Curve(
@@ -298,7 +302,7 @@ def _provenance(log: ImpactLog) -> list[dict[str, str]]:
     return [{"name": key, "value": value} for key, value in values.items() if value]
 
 
-def _setup_rows(values: dict[str, Any]) -> list[dict[str, str]]:
+def _setup_rows(values: dict[str, object]) -> list[dict[str, str]]:
     rows = []
     for name, value in values.items():
         unit = setup_unit(name)
@@ -306,7 +310,7 @@ def _setup_rows(values: dict[str, Any]) -> list[dict[str, str]]:
     return rows
 
 
-def _warnings(evaluations: Any) -> list[str]:
+def _warnings(evaluations: Iterable[Evaluation]) -> list[str]:
     return list(dict.fromkeys(warning for e in evaluations for warning in e.warnings))
 
 
@@ -315,12 +319,12 @@ def _number(evaluation: Evaluation, name: str, style: str) -> str:
     return "" if criterion is None else format(criterion.value, style)
 
 
-def _published(published: Any, criterion: str, model: str) -> str:
+def _published(published: Published, criterion: str, model: str) -> str:
     value = published.get(criterion, {}).get(model)
     return "" if value is None else format(value, ".2f" if criterion == "force_ratio" else "g")
 
 
-def _script_json(data: Any) -> Markup:
+def _script_json(data: object) -> Markup:
     """JSON that cannot end its script element, whatever a log holds."""
     text = json.dumps(data, allow_nan=False)
     for character in "<>&":

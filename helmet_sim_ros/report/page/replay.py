@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-from typing import Any
 
 import numpy as np
 
@@ -15,7 +14,7 @@ from helmet_sim_ros.report.replay.scene import scene_of
 FRAMES = 81
 
 
-def replay_data(record: ImpactRecord) -> dict[str, Any]:
+def replay_data(record: ImpactRecord) -> dict[str, object]:
     """Plain data for ``report.js``.
 
     Returns:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 from helmet_sim_ros.biomech.result import Criterion, Evaluation
 from helmet_sim_ros.biomech.standards import DEFAULT_STANDARD
@@ -28,8 +27,8 @@ class Difference:
 
     criterion: str
     field: str
-    logged: Any
-    computed: Any
+    logged: object
+    computed: object
 
     def __str__(self) -> str:
         what = self.criterion if self.field == "value" else f"{self.criterion} {self.field}"
@@ -112,7 +111,7 @@ def _model_differences(impact: LoggedImpact) -> Iterator[Difference]:
         yield Difference("model", "hash", impact.model_problem, impact.model_hash)
 
 
-def _same(a: Any, b: Any) -> bool:
+def _same(a: object, b: object) -> bool:
     if isinstance(a, tuple) and isinstance(b, tuple):
         return len(a) == len(b) and all(map(_same, a, b))
     if isinstance(a, float) and isinstance(b, float):

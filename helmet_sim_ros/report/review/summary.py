@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
-Setup = Mapping[str, Any]
+Setup = Mapping[str, object]
 
 #: Setup values that every table shows.
 LEADING = ("impact.direction", "impact.normal_velocity", "impact.tangential_velocity")
@@ -36,7 +35,7 @@ def varying(setups: Sequence[Setup]) -> list[str]:
     return [n for n in names if any(s.get(n) != setups[0].get(n) for s in setups)]
 
 
-def common(setups: Sequence[Setup]) -> dict[str, Any]:
+def common(setups: Sequence[Setup]) -> dict[str, object]:
     """The values that all setups share."""
     different = set(varying(setups))
     return {k: v for k, v in setups[0].items() if k not in different} if setups else {}
@@ -53,7 +52,7 @@ def labels(setups: Sequence[Setup], speeds: bool = True) -> list[str]:
     return names
 
 
-def shown(value: Any) -> str:
+def shown(value: object) -> str:
     """A setup value as a table shows it."""
     if value is None:
         return "unset"

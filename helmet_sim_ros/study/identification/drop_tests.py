@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy.integrate import trapezoid
@@ -90,12 +89,12 @@ class SimulatedDrop:
     loop: tuple[str, float, FloatArray, FloatArray]
 
 
-def simulated_drops(speeds: Sequence[float] = (), **common: Any) -> list[SimulatedDrop]:
+def simulated_drops(speeds: Sequence[float] = (), **common: object) -> list[SimulatedDrop]:
     """Simulate the scenario ``drop_tests``.
 
     Args:
         speeds: other impact speeds than the scenario's [m/s].
-        **common: see :func:`helmet_sim_ros.study.scenario.load_scenario`.
+        **common: see :func:`helmet_sim_ros.study.load_scenario`.
     """
     setups = list(load_scenario("drop_tests", **common).setups)
     if speeds:

@@ -14,10 +14,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.errors import SetupError
 from helmet_sim_ros.model.helmet import Helmet, Shell
 from helmet_sim_ros.model.liner import AREA, NORMAL, POINT, columns, zoned
@@ -61,11 +62,11 @@ class Design:
     """
 
     helmet: Helmet
-    changes: Mapping[str, Any]
+    changes: Mapping[str, object]
     quantities: Mapping[str, float]
 
 
-def make_design(reference: Helmet, values: Mapping[str, Any], rules: DesignRules) -> Design:
+def make_design(reference: Helmet, values: Mapping[str, object], rules: DesignRules) -> Design:
     """The helmet that follows from a reference with some values replaced.
 
     Args:
@@ -127,13 +128,13 @@ def shell_area(helmet: Helmet, rules: DesignRules) -> float:
 
 
 @lru_cache(maxsize=8)
-def _cells(helmet: Helmet, rules: DesignRules) -> tuple[Any, Any]:
+def _cells(helmet: Helmet, rules: DesignRules) -> tuple[FloatArray, NDArray[np.bool_]]:
     """The columns' geometry, and which of them are covered."""
     fine = columns(helmet.replaced({"liner.columns": MASS_COLUMNS})).geometry
     return fine, fine[:, NORMAL + 2] > rules.lowest_normal
 
 
-def _curvatures(shell: Shell, geometry: Any) -> tuple[Any, Any]:
+def _curvatures(shell: Shell, geometry: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Mean and Gaussian curvature of the ellipsoid at each cell [1/m, 1/m^2].
 
     With the distance h of the tangent plane from the centre: K = h^4 / (abc)^2 and

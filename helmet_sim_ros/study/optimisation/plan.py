@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -120,7 +120,7 @@ class OptimisationFile(StudyFile):
 
     @model_validator(mode="before")
     @classmethod
-    def _ranges_become_tuples(cls, data: Any) -> Any:
+    def _ranges_become_tuples(cls, data: object) -> object:
         if isinstance(data, Mapping) and isinstance(data.get("variables"), Mapping):
             ranges = {
                 k: tuple(v) if isinstance(v, list) else v for k, v in data["variables"].items()
@@ -233,13 +233,13 @@ class Optimisation:
         changes = {name.removeprefix("helmet."): value for name, value in values.items()}
         return make_design(self.reference, changes, self.file.design)
 
-    def setups(self, design: Design) -> list[dict[str, Any]]:
+    def setups(self, design: Design) -> list[dict[str, object]]:
         """Dotted names of every impact of a design."""
         changes = {f"helmet.{name}": value for name, value in design.changes.items()}
         return [{**row.values, **changes} for row in self.impacts.rows()]
 
 
-def load_optimisation(name_or_path: str | Path, **overrides: Any) -> Optimisation:
+def load_optimisation(name_or_path: str | Path, **overrides: object) -> Optimisation:
     """The optimisation of ``config/studies/NAME.yaml``, or of any such file by path.
 
     Args:
@@ -262,7 +262,7 @@ def load_optimisation(name_or_path: str | Path, **overrides: Any) -> Optimisatio
 
 
 def _plan(file: OptimisationFile, path: Path, impacts: Study) -> Optimisation:
-    helmets = {impacts.row(i).values.get("helmet.name", "fullface") for i in range(len(impacts))}
+    helmets = {str(row.values.get("helmet.name", "fullface")) for row in impacts.rows()}
     if len(helmets) > 1:
         raise SetupError.of("helmet.name", sorted(helmets), "a design starts from one helmet")
     reference = load_helmet(helmets.pop())

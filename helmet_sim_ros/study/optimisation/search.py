@@ -46,7 +46,7 @@ def optimise(
     Args:
         plan: an optimisation, its name in ``config/studies``, or the path of a YAML file.
         output: results folder; unset: ``NAME.optimisation`` in the working directory.
-        workers, scheduler, progress: as for :func:`~helmet_sim_ros.study.sweeper.sweep`.
+        workers, scheduler, progress: as for :func:`~helmet_sim_ros.study.sweep`.
         trials: designs in all; unset: as the file says.
 
     Raises:
@@ -181,8 +181,8 @@ def _write_helmets(folder: StudyFolder, result: OptimisationResult) -> None:
     for trial in result.best:
         told = ", ".join(f"{name} {value:.4g}" for name, value in trial.responses.items())
         about = {"description": f"Design {trial.number} of the optimisation {plan.name}: {told}."}
-        helmet = _plain(plan.design(trial.values).helmet.model_dump())
-        text = yaml.safe_dump(helmet | about, sort_keys=False)
+        helmet = plan.design(trial.values).helmet.model_dump()
+        text = yaml.safe_dump(_plain(helmet | about), sort_keys=False)
         folder.write(result.helmet_file(trial), partial(_write_text, text))
     kept = {result.helmet_file(trial) for trial in result.best}
     for path in (folder.path / "designs").glob("*.yaml"):
@@ -194,7 +194,7 @@ def _write_text(text: str, path: Path) -> None:
     path.write_text(text, encoding="utf-8")
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> object:
     if isinstance(value, Mapping):
         return {k: _plain(v) for k, v in value.items() if v is not None}
     return list(value) if isinstance(value, tuple) else value

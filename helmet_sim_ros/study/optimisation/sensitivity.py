@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 from helmet_sim_ros.errors import SetupError
 from helmet_sim_ros.model.setup import setup_from_names
@@ -28,7 +27,7 @@ def sensitivity(plan: Optimisation, engine: Engine, trial: Trial) -> list[Effect
     names = [*plan.file.variables, *plan.file.sensitivity.names]
     changes = [(name, 1.0 + sign * step) for name in names for sign in (-1.0, 1.0)]
     designs: list[tuple[int, Mapping[str, float], Design]] = []
-    setups: dict[int, list[dict[str, Any]]] = {}
+    setups: dict[int, list[dict[str, object]]] = {}
     for number, (name, factor) in enumerate([("", 1.0), *changes]):
         changed = base
         if name in plan.file.variables:
@@ -54,7 +53,7 @@ def sensitivity(plan: Optimisation, engine: Engine, trial: Trial) -> list[Effect
     return effects
 
 
-def _scaled(values: Mapping[str, Any], name: str, factor: float) -> float:
+def _scaled(values: Mapping[str, object], name: str, factor: float) -> float:
     setup = setup_from_names(values)
     current = {
         **setup.described(),

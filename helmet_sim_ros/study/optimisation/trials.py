@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from helmet_sim_ros.study.optimisation.design import Design
 from helmet_sim_ros.study.optimisation.plan import Optimisation
 from helmet_sim_ros.study.sweeps.engine import Chunk, Engine
 from helmet_sim_ros.study.sweeps.sweep import MAX_CHUNK
-from helmet_sim_ros.study.sweeps.worker import Job
+from helmet_sim_ros.study.sweeps.worker import Job, Outcome
 
 
 @dataclass(frozen=True)
@@ -124,10 +123,10 @@ def evaluate_setups(
     plan: Optimisation,
     engine: Engine,
     designs: Sequence[tuple[int, Mapping[str, float], Design]],
-    setups: Mapping[int, Sequence[Mapping[str, Any]]],
+    setups: Mapping[int, Sequence[Mapping[str, object]]],
 ) -> Iterator[Trial]:
     """The same with the impacts of each design given, by its number."""
-    outcomes: dict[int, dict[int, Any]] = {number: {} for number, _, _ in designs}
+    outcomes: dict[int, dict[int, Outcome]] = {number: {} for number, _, _ in designs}
     known = {number: (values, design) for number, values, design in designs}
     chunks = (
         Chunk((number, first), tuple(mine[first : first + MAX_CHUNK]))
@@ -144,7 +143,11 @@ def evaluate_setups(
 
 
 def _judged(
-    plan: Optimisation, number: int, values: Mapping[str, float], design: Design, outcomes: Any
+    plan: Optimisation,
+    number: int,
+    values: Mapping[str, float],
+    design: Design,
+    outcomes: Sequence[Outcome],
 ) -> Trial:
     columns: dict[str, list[float]] = {}
     for i, outcome in enumerate(outcomes):

@@ -61,7 +61,7 @@ class Case:
 
     name: str
     setup: ImpactSetup
-    values: Mapping[str, Any]
+    values: Mapping[str, object]
     reference: Published | None = None
 
 
@@ -81,7 +81,7 @@ class Scenario:
         return tuple(case.setup for case in self.cases)
 
 
-def load_scenario(name_or_path: str | Path, **common: Any) -> Scenario:
+def load_scenario(name_or_path: str | Path, **common: object) -> Scenario:
     """The scenario of ``config/scenarios/NAME.yaml``, or of any such file by path.
 
     Args:
@@ -112,13 +112,13 @@ def load_scenario(name_or_path: str | Path, **common: Any) -> Scenario:
     return Scenario(file.name or path.stem, file.description, tuple(cases), path, reference)
 
 
-def flatten(values: Mapping[Any, Any], source: str = "", prefix: str = "") -> dict[str, Any]:
+def flatten(values: Mapping[Any, Any], source: str = "", prefix: str = "") -> dict[str, object]:
     """Nested groups as dotted names: ``{"impact": {"friction": 1}}`` -> ``{"impact.friction": 1}``.
 
     Raises:
         SetupError: a key that is not text, or a value given twice.
     """
-    flat: dict[str, Any] = {}
+    flat: dict[str, object] = {}
     for key, value in values.items():
         if not isinstance(key, str):
             raise SetupError.of(f"{prefix}{key}", value, "a key must be text", source)
@@ -133,7 +133,7 @@ def flatten(values: Mapping[Any, Any], source: str = "", prefix: str = "") -> di
     return flat
 
 
-def combinations_of(file: ScenarioFile, path: Path) -> Iterable[tuple[str, dict[str, Any]]]:
+def combinations_of(file: ScenarioFile, path: Path) -> Iterable[tuple[str, dict[str, object]]]:
     """Explicit name (or "") and values of every case, without the common values."""
     axes = flatten(file.product, f"{path}: product")
     lists = {name: v if isinstance(v, (list, tuple)) else [v] for name, v in axes.items()}
@@ -156,7 +156,7 @@ def combinations_of(file: ScenarioFile, path: Path) -> Iterable[tuple[str, dict[
             yield " ".join([name, _label(product)]).strip() if name else "", fixed | product
 
 
-def _names(combinations: list[tuple[str, dict[str, Any]]], scenario: str) -> list[str]:
+def _names(combinations: list[tuple[str, dict[str, object]]], scenario: str) -> list[str]:
     """A short, unique name per case: the explicit one, or the values in which cases differ."""
     everything = [values for _, values in combinations]
     keys = dict.fromkeys(key for values in everything for key in values)
@@ -171,7 +171,7 @@ def _names(combinations: list[tuple[str, dict[str, Any]]], scenario: str) -> lis
     return names
 
 
-def _label(values: Mapping[str, Any]) -> str:
+def _label(values: Mapping[str, object]) -> str:
     parts = []
     for key, value in values.items():
         short = SHORT_NAMES.get(key, key.rpartition(".")[2] + "=")
@@ -180,7 +180,7 @@ def _label(values: Mapping[str, Any]) -> str:
     return " ".join(parts)
 
 
-def validated(values: Mapping[str, Any], where: str) -> ImpactSetup:
+def validated(values: Mapping[str, object], where: str) -> ImpactSetup:
     """The setup of dotted names.
 
     Raises:
@@ -192,11 +192,11 @@ def validated(values: Mapping[str, Any], where: str) -> ImpactSetup:
         raise error.within(f"{where}: {error.source}" if error.source else where) from None
 
 
-def _dotted_arguments(arguments: Mapping[str, Any]) -> dict[str, Any]:
+def _dotted_arguments(arguments: Mapping[str, object]) -> dict[str, object]:
     """ImpactSetup keyword arguments by dotted name, ``overrides`` on top."""
     names = {leaf.name.partition(".")[2]: leaf.name for leaf in setup_leaves()
              if not leaf.name.startswith("rider.")}  # fmt: skip
-    values: dict[str, Any] = {}
+    values: dict[str, object] = {}
     for key, value in arguments.items():
         if key == "rider" and isinstance(value, Config):
             values |= {f"rider.{name}": v for name, v in leaf_values(value).items()}

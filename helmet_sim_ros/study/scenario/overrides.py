@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
 
 import yaml
 
@@ -11,7 +10,7 @@ from helmet_sim_ros.errors import SetupError
 from helmet_sim_ros.yaml_file import parse_yaml
 
 
-def parse_overrides(texts: Iterable[str]) -> dict[str, Any]:
+def parse_overrides(texts: Iterable[str]) -> dict[str, object]:
     """Names and values of ``KEY=VALUE`` texts; a later one wins, empty ones are nothing.
 
     Raises:
@@ -20,7 +19,7 @@ def parse_overrides(texts: Iterable[str]) -> dict[str, Any]:
     return dict(parse_override(text) for text in texts if text.strip())
 
 
-def parse_override(text: str) -> tuple[str, Any]:
+def parse_override(text: str) -> tuple[str, object]:
     """Name and value of ``"impact.friction=0.3"``; the value is YAML, so ``2e-5`` is a number.
 
     Raises:

@@ -7,7 +7,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from helmet_sim_ros.errors import SetupError
 from helmet_sim_ros.resources import find_config
@@ -30,7 +29,7 @@ class Reference:
     source: str
     rows: tuple[tuple[Mapping[str, float | str], Published], ...]
 
-    def row(self, described: Mapping[str, Any]) -> Published | None:
+    def row(self, described: Mapping[str, object]) -> Published | None:
         """What was published for a setup (``ImpactSetup.described()``); None if nothing was."""
         for conditions, published in self.rows:
             if all(_equal(described.get(name), value) for name, value in conditions.items()):

@@ -26,7 +26,7 @@ class Chunk:
     """Impacts that are computed together, with a tag of the caller's to know them by."""
 
     tag: Any
-    setups: tuple[Mapping[str, Any], ...]
+    setups: tuple[Mapping[str, object], ...]
 
 
 class Engine(Protocol):

@@ -7,7 +7,6 @@ import json
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
 
 from helmet_sim_ros.errors import SetupError, StudyError
 
@@ -21,7 +20,7 @@ class StudyFolder:
         path: where it is.
     """
 
-    def __init__(self, path: Path, identity: Mapping[str, str], note: Mapping[str, Any]) -> None:
+    def __init__(self, path: Path, identity: Mapping[str, str], note: Mapping[str, object]) -> None:
         """Open it, or create it.
 
         Args:
@@ -80,7 +79,7 @@ class StudyFolder:
                 "far is kept, the same command goes on from there"
             ) from None
 
-    def _take(self, identity: Mapping[str, str], note: Mapping[str, Any]) -> None:
+    def _take(self, identity: Mapping[str, str], note: Mapping[str, object]) -> None:
         for leftover in self.path.rglob(f"*{TEMPORARY}"):
             leftover.unlink()
         mark = self.path / "study.json"

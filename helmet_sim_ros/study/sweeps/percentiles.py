@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.study.sweeps.study import Percentiles
@@ -30,7 +31,7 @@ class Estimate:
         low, high: its bootstrap 95 % interval.
     """
 
-    group: Mapping[str, Any]
+    group: Mapping[str, object]
     criterion: str
     percent: float
     draws: int
@@ -67,7 +68,7 @@ def converged(series: Sequence[Estimate]) -> bool:
 def _series(table: Any, wanted: Percentiles, shares: Sequence[float]) -> Iterator[list[Estimate]]:
     draws = np.array(table["draw"].to_pylist())
     keys = [table[name].to_pylist() for name in wanted.by]
-    groups: dict[tuple[Any, ...], list[int]] = {}
+    groups: dict[tuple[object, ...], list[int]] = {}
     for i in range(len(draws)):
         groups.setdefault(tuple(column[i] for column in keys), []).append(i)
     total = int(draws.max()) + 1
@@ -91,7 +92,7 @@ def _series(table: Any, wanted: Percentiles, shares: Sequence[float]) -> Iterato
 
 
 def interval(
-    values: FloatArray, draws: Sequence[int] | np.ndarray[Any, Any], percent: float
+    values: FloatArray, draws: Sequence[int] | NDArray[np.int64], percent: float
 ) -> tuple[float, float]:
     """Bootstrap interval (95 %, percentile method) of a percentile.
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from pydantic import Field, model_validator
 
@@ -65,7 +63,7 @@ class Population(Config):
     female: Sex
     male: Sex
 
-    def riders(self, unit: FloatArray, female_share: float) -> dict[str, list[Any]]:
+    def riders(self, unit: FloatArray, female_share: float) -> dict[str, list[object]]:
         """Riders at points of the unit cube.
 
         Sex sets the distribution of height, mass and head circumference, nothing else: the model's
@@ -96,7 +94,7 @@ class Population(Config):
         leaves = {leaf.name: leaf for leaf in setup_leaves()}
         low, high = ([getattr(leaves[n], side) for n in NAMES] for side in ("minimum", "maximum"))
         columns = np.clip(columns, low, high)
-        drawn: dict[str, list[Any]] = {n: columns[:, i].tolist() for i, n in enumerate(NAMES)}
+        drawn: dict[str, list[object]] = {n: columns[:, i].tolist() for i, n in enumerate(NAMES)}
         drawn["population.sex"] = np.where(female, "female", "male").tolist()
         return drawn
 

@@ -166,7 +166,7 @@ class ResultStore:
         fields += [(name, arrow.float64()) for name in self._study.criteria]
         return arrow.schema(fields)
 
-    def _record(self, row: Row, outcome: Outcome) -> dict[str, Any]:
+    def _record(self, row: Row, outcome: Outcome) -> dict[str, object]:
         record = {
             "index": row.index,
             "id": row.id,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +32,7 @@ class Distribution(Config):
     within: tuple[float, float] | None = Field(
         None, description="bounds of 'normal'; unset: the range of the value itself"
     )
-    choice: tuple[Any, ...] | None = Field(None, description="values of equal probability")
+    choice: tuple[object, ...] | None = Field(None, description="values of equal probability")
 
     @model_validator(mode="after")
     def _plausible(self) -> Distribution:
@@ -76,7 +76,7 @@ class Distribution(Config):
         if self.normal is not None and not _probability(self.normal, low, high) > 1e-6:
             raise SetupError.of(leaf.name, self._given(), "hardly any of it lies in the range")
 
-    def values(self, unit: FloatArray, leaf: Leaf | None = None) -> list[Any]:
+    def values(self, unit: FloatArray, leaf: Leaf | None = None) -> list[object]:
         """The values at quantiles ``unit``, shape (n,), each in [0, 1)."""
         if self.choice is not None:
             picks = np.minimum((unit * len(self.choice)).astype(int), len(self.choice) - 1)
@@ -109,7 +109,7 @@ class Distribution(Config):
             low = math.nextafter(low, math.inf)
         return (-math.inf if low is None else low), (math.inf if high is None else high)
 
-    def _given(self) -> dict[str, Any]:
+    def _given(self) -> dict[str, object]:
         return {k: v for k, v in self.model_dump().items() if v is not None}
 
 

@@ -114,8 +114,8 @@ class Row:
 
     index: int
     draw: int
-    values: Mapping[str, Any]
-    labels: Mapping[str, Any]
+    values: Mapping[str, object]
+    labels: Mapping[str, object]
 
     @property
     def id(self) -> str:
@@ -141,9 +141,9 @@ class Study:
     name: str
     path: Path
     file: StudyFile
-    matrix: tuple[Mapping[str, Any], ...]
-    drawn: Mapping[str, Sequence[Any]]
-    labels: Mapping[str, Sequence[Any]]
+    matrix: tuple[Mapping[str, object], ...]
+    drawn: Mapping[str, Sequence[object]]
+    labels: Mapping[str, Sequence[object]]
     draws: int
 
     def __len__(self) -> int:
@@ -184,7 +184,7 @@ class Study:
         }
 
 
-def load_study(name_or_path: str | Path, **overrides: Any) -> Study:
+def load_study(name_or_path: str | Path, **overrides: object) -> Study:
     """The study of ``config/studies/NAME.yaml``, or of any such file by path.
 
     Args:
@@ -201,20 +201,22 @@ def load_study(name_or_path: str | Path, **overrides: Any) -> Study:
     return build_study(file, path, overrides)
 
 
-def build_study(file: StudyFile, path: Path, overrides: Mapping[str, Any] | None = None) -> Study:
+def build_study(
+    file: StudyFile, path: Path, overrides: Mapping[str, object] | None = None
+) -> Study:
     """The study of a file's content; arguments and errors as :func:`load_study`."""
     replaced = flatten(overrides or {})
     load_standard(file.standard)
     file = file.model_copy(update={"standard": _everywhere(file.standard)})
     shared = flatten(file.common, f"{path}: common")
-    cases: list[dict[str, Any]] = [{}]
+    cases: list[dict[str, object]] = [{}]
     if file.cases or file.product or file.draw is None:
         cases = [values for _, values in combinations_of(file, path)]
     matrix = [_portable(shared | values | replaced) for values in cases]
     for number, values in enumerate(matrix, 1):
         validated(values, f"{path}: case {number}")
-    drawn: dict[str, list[Any]] = {}
-    labels: dict[str, list[Any]] = {}
+    drawn: dict[str, list[object]] = {}
+    labels: dict[str, list[object]] = {}
     if file.draw is not None:
         try:
             drawn, labels = _draw(file.draw, matrix, replaced)
@@ -240,7 +242,7 @@ def distributions(values: Mapping[Any, Any]) -> dict[str, tuple[Distribution, Le
         SetupError: unknown name, not a distribution, or one beyond the value's range.
     """
     known = value_leaves()
-    grouped: dict[str, dict[str, Any]] = {}
+    grouped: dict[str, dict[str, Any]] = {}  # checked by Distribution
     for key, value in flatten(values).items():
         name, _, kind = key.rpartition(".")
         grouped.setdefault("helmet.name" if name == "helmet" else name, {})[kind] = value
@@ -259,8 +261,8 @@ def distributions(values: Mapping[Any, Any]) -> dict[str, tuple[Distribution, Le
 
 
 def _draw(
-    draw: Draw, matrix: Sequence[Mapping[str, Any]], replaced: Mapping[str, Any]
-) -> tuple[dict[str, list[Any]], dict[str, list[Any]]]:
+    draw: Draw, matrix: Sequence[Mapping[str, object]], replaced: Mapping[str, object]
+) -> tuple[dict[str, list[object]], dict[str, list[object]]]:
     """Drawn values and labels, ``draw.count`` of each, without the values that are replaced."""
     found = distributions(draw.values)
     riders = people.load_population(draw.population.name) if draw.population else None
@@ -277,7 +279,7 @@ def _draw(
         name: distribution.values(points[:, i], leaf)
         for i, (name, (distribution, leaf)) in enumerate(found.items())
     }
-    labels: dict[str, list[Any]] = {}
+    labels: dict[str, list[object]] = {}
     if riders is not None and draw.population is not None:
         columns = riders.riders(points[:, len(found) :], draw.population.female_share)
         drawn |= {name: columns.pop(name) for name in people.NAMES}
@@ -288,13 +290,14 @@ def _draw(
 
 
 def _check_extremes(
-    drawn: Mapping[str, Sequence[Any]], matrix: Sequence[Mapping[str, Any]]
+    drawn: Mapping[str, Sequence[object]], matrix: Sequence[Mapping[str, object]]
 ) -> None:
     """Validate the draws with the extremes of each value, and every choice, in full."""
     picks = {0}
     for column in drawn.values():
-        if isinstance(column[0], int | float):
-            picks |= {column.index(min(column)), column.index(max(column))}
+        numbers = [value for value in column if isinstance(value, int | float)]
+        if len(numbers) == len(column):
+            picks |= {column.index(min(numbers)), column.index(max(numbers))}
         else:
             picks |= {column.index(value) for value in {repr(v): v for v in column}.values()}
     for i in sorted(picks):
@@ -318,7 +321,7 @@ def _check_criteria(key: str, names: Sequence[str]) -> None:
             raise SetupError.of(key, name, str(error)) from None
 
 
-def _portable(values: dict[str, Any]) -> dict[str, Any]:
+def _portable(values: dict[str, object]) -> dict[str, object]:
     name = values.get("helmet.name")
     return {**values, "helmet.name": _everywhere(name)} if isinstance(name, str) else values
 
@@ -330,6 +333,6 @@ def _everywhere(name_or_path: str) -> str:
     return name_or_path
 
 
-def digest(data: Any) -> str:
+def digest(data: object) -> str:
     text = json.dumps(data, sort_keys=True, default=dict, allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TypeVar
 
-if TYPE_CHECKING:
-    from helmet_sim_ros.biomech.record import ImpactRecord
-    from helmet_sim_ros.model.setup import ImpactSetup
+from helmet_sim_ros.biomech.record import ImpactRecord
+from helmet_sim_ros.model.setup import ImpactSetup, setup_from_names
+
+Item = TypeVar("Item")
+Made = TypeVar("Made")
 
 #: An error's text is cut here: some repeat the whole setup, which the row has anyway.
 MAX_ERROR = 300
@@ -41,7 +43,7 @@ class Outcome:
     values: tuple[float | None, ...] = ()
 
 
-def run_chunk(job: Job, chunk: Sequence[Mapping[str, Any]]) -> list[Outcome]:
+def run_chunk(job: Job, chunk: Sequence[Mapping[str, object]]) -> list[Outcome]:
     """Simulate and evaluate impacts; an error becomes the outcome of its impact.
 
     Every stage does some impacts before the next one starts: then its code is still in the
@@ -49,7 +51,6 @@ def run_chunk(job: Job, chunk: Sequence[Mapping[str, Any]]) -> list[Outcome]:
     """
     from helmet_sim_ros.biomech.evaluation import evaluate
     from helmet_sim_ros.model.impact import Impact
-    from helmet_sim_ros.model.setup import setup_from_names
 
     def advanced(impact: Impact) -> Impact:
         impact.advance(impact.total)
@@ -63,16 +64,15 @@ def run_chunk(job: Job, chunk: Sequence[Mapping[str, Any]]) -> list[Outcome]:
 
     outcomes: list[Outcome] = []
     for block in _blocks(_tried(setup_from_names, chunk)):
-        for stage in (Impact, advanced, Impact.record, judged):
-            block = _tried(stage, block)
-        outcomes += block
+        records = _tried(Impact.record, _tried(advanced, _tried(Impact, block)))
+        outcomes += _tried(judged, records)
     return outcomes
 
 
-def _tried(stage: Callable[[Any], Any], items: Iterable[Any]) -> list[Any]:
+def _tried(stage: Callable[[Item], Made], items: Iterable[Item | Outcome]) -> list[Made | Outcome]:
     """What the stage makes of each item; an outcome stays what it is."""
 
-    def tried(item: Any) -> Any:
+    def tried(item: Item | Outcome) -> Made | Outcome:
         if isinstance(item, Outcome):
             return item
         try:
@@ -83,9 +83,9 @@ def _tried(stage: Callable[[Any], Any], items: Iterable[Any]) -> list[Any]:
     return [tried(item) for item in items]
 
 
-def _blocks(setups: Iterable[ImpactSetup | Outcome]) -> Iterator[list[Any]]:
+def _blocks(setups: Iterable[ImpactSetup | Outcome]) -> Iterator[list[ImpactSetup | Outcome]]:
     """Neighbours whose samples fit into memory together, at least one each."""
-    block: list[Any] = []
+    block: list[ImpactSetup | Outcome] = []
     samples = 0
     for setup in setups:
         more = 0 if isinstance(setup, Outcome) else setup.samples
