@@ -6,9 +6,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
-from helmet_sim_ros.biomech.record import ImpactRecord
-from helmet_sim_ros.model.setup import ImpactSetup, setup_from_names
-
 Item = TypeVar("Item")
 Made = TypeVar("Made")
 
@@ -50,7 +47,12 @@ def run_chunk(job: Job, chunk: Sequence[Mapping[str, object]]) -> list[Outcome]:
     processor's caches, which saves a tenth of the time.
     """
     from helmet_sim_ros.biomech.evaluation import evaluate
+    from helmet_sim_ros.biomech.record import ImpactRecord
     from helmet_sim_ros.model.impact import Impact
+    from helmet_sim_ros.model.setup import ImpactSetup, setup_from_names
+
+    def samples(setup: ImpactSetup) -> int:
+        return setup.samples
 
     def advanced(impact: Impact) -> Impact:
         impact.advance(impact.total)
@@ -63,7 +65,7 @@ def run_chunk(job: Job, chunk: Sequence[Mapping[str, object]]) -> list[Outcome]:
         return Outcome("ok", None, result.verdict, numbers)
 
     outcomes: list[Outcome] = []
-    for block in _blocks(_tried(setup_from_names, chunk)):
+    for block in _blocks(_tried(setup_from_names, chunk), samples):
         records = _tried(Impact.record, _tried(advanced, _tried(Impact, block)))
         outcomes += _tried(judged, records)
     return outcomes
@@ -83,17 +85,19 @@ def _tried(stage: Callable[[Item], Made], items: Iterable[Item | Outcome]) -> li
     return [tried(item) for item in items]
 
 
-def _blocks(setups: Iterable[ImpactSetup | Outcome]) -> Iterator[list[ImpactSetup | Outcome]]:
+def _blocks(
+    items: Iterable[Item | Outcome], samples: Callable[[Item], int]
+) -> Iterator[list[Item | Outcome]]:
     """Neighbours whose samples fit into memory together, at least one each."""
-    block: list[ImpactSetup | Outcome] = []
-    samples = 0
-    for setup in setups:
-        more = 0 if isinstance(setup, Outcome) else setup.samples
-        if len(block) == TOGETHER or (block and samples + more > SAMPLES_TOGETHER):
+    block: list[Item | Outcome] = []
+    total = 0
+    for item in items:
+        more = 0 if isinstance(item, Outcome) else samples(item)
+        if len(block) == TOGETHER or (block and total + more > SAMPLES_TOGETHER):
             yield block
-            block, samples = [], 0
-        block.append(setup)
-        samples += more
+            block, total = [], 0
+        block.append(item)
+        total += more
     yield block
 
 
