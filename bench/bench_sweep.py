@@ -151,14 +151,14 @@ def workers() -> None:
                   f"{quotient:.2f}")  # fmt: skip
 
 
-def _clustered(workers: int, chunks: list[Chunk]) -> tuple[float, float]:
+def _clustered(workers: int, chunks: list[Chunk[int]]) -> tuple[float, float]:
     """:func:`wall` of all chunks on a local cluster that is ready to go."""
     with open_engine(workers) as engine:
         run_all(engine, [Chunk(i, chunks[0].setups[:20]) for i in range(2 * workers)])
         return wall(lambda: run_all(engine, chunks))
 
 
-def run_all(engine: Engine, chunks: list[Chunk]) -> None:
+def run_all(engine: Engine, chunks: list[Chunk[int]]) -> None:
     """Compute all chunks."""
     for _ in engine.run(JOB, chunks):
         pass

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Generic, Protocol, TypeVar
 
 from helmet_sim_ros.errors import SetupError, StudyError
 from helmet_sim_ros.study.extra import need
@@ -20,12 +20,14 @@ CHUNKS_PER_WORKER = 3
 #: How long a cluster may take to answer and to have a worker [s].
 CONNECT_TIMEOUT = 15.0
 
+Tag = TypeVar("Tag")
+
 
 @dataclass(frozen=True)
-class Chunk:
+class Chunk(Generic[Tag]):
     """Impacts that are computed together, with a tag of the caller's to know them by."""
 
-    tag: Any
+    tag: Tag
     setups: tuple[Mapping[str, object], ...]
 
 
@@ -36,7 +38,9 @@ class Engine(Protocol):
     def workers(self) -> int:
         """Impacts that run at the same time."""
 
-    def run(self, job: Job, chunks: Iterable[Chunk]) -> Iterator[tuple[Chunk, list[Outcome]]]:
+    def run(
+        self, job: Job, chunks: Iterable[Chunk[Tag]]
+    ) -> Iterator[tuple[Chunk[Tag], list[Outcome]]]:
         """Every chunk with its outcomes, as they finish, in any order.
 
         A chunk whose worker dies is computed again elsewhere; one that kills every worker is taken
@@ -85,7 +89,9 @@ class _Here:
 
     workers = 1
 
-    def run(self, job: Job, chunks: Iterable[Chunk]) -> Iterator[tuple[Chunk, list[Outcome]]]:
+    def run(
+        self, job: Job, chunks: Iterable[Chunk[Tag]]
+    ) -> Iterator[tuple[Chunk[Tag], list[Outcome]]]:
         for chunk in chunks:
             yield chunk, run_chunk(job, chunk.setups)
 
@@ -101,12 +107,14 @@ class _Dask:
     def workers(self) -> int:
         return max(1, int(sum(self._client.nthreads().values())))
 
-    def run(self, job: Job, chunks: Iterable[Chunk]) -> Iterator[tuple[Chunk, list[Outcome]]]:
-        suspects: list[Chunk] = []
+    def run(
+        self, job: Job, chunks: Iterable[Chunk[Tag]]
+    ) -> Iterator[tuple[Chunk[Tag], list[Outcome]]]:
+        suspects: list[Chunk[Tag]] = []
         yield from self._run(job, iter(chunks), CHUNKS_PER_WORKER * self.workers, suspects)
         # One impact at a time, so that no other one is blamed for the death of its worker.
         singles = (Chunk((c, i), (s,)) for c in suspects for i, s in enumerate(c.setups))
-        fatal: list[Chunk] = []
+        fatal: list[Chunk[tuple[Chunk[Tag], int]]] = []
         parts: dict[int, dict[int, Outcome]] = {id(chunk): {} for chunk in suspects}
         for single, outcomes in self._run(job, singles, 1, fatal):
             chunk, i = single.tag
@@ -119,9 +127,9 @@ class _Dask:
             yield chunk, [found[i] for i in range(len(chunk.setups))]
 
     def _run(
-        self, job: Job, chunks: Iterator[Chunk], in_flight: int, suspects: list[Chunk]
-    ) -> Iterator[tuple[Chunk, list[Outcome]]]:
-        waiting: dict[Any, Chunk] = {}
+        self, job: Job, chunks: Iterator[Chunk[Tag]], in_flight: int, suspects: list[Chunk[Tag]]
+    ) -> Iterator[tuple[Chunk[Tag], list[Outcome]]]:
+        waiting: dict[Any, Chunk[Tag]] = {}
         finished = self._distributed.as_completed()
 
         def submit() -> None:

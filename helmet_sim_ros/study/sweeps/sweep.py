@@ -94,7 +94,7 @@ def sweep(
     return SweepResult(study, folder, table, left)
 
 
-def _chunks(study: Study, finished: set[int], size: int) -> Iterator[Chunk]:
+def _chunks(study: Study, finished: set[int], size: int) -> Iterator[Chunk[tuple[Row, ...]]]:
     rows: list[Row] = []
     for row in study.rows():
         if row.index not in finished:
@@ -106,7 +106,7 @@ def _chunks(study: Study, finished: set[int], size: int) -> Iterator[Chunk]:
         yield _chunk(rows)
 
 
-def _chunk(rows: list[Row]) -> Chunk:
+def _chunk(rows: list[Row]) -> Chunk[tuple[Row, ...]]:
     return Chunk(tuple(rows), tuple(row.values for row in rows))
 
 
