@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from numba import njit
+from helmet_sim_ros.model.compiled import compiled
 
 Vector = tuple[float, float, float]
 
@@ -13,7 +13,7 @@ Planes = tuple[Plane, Plane, Plane, Plane]
 PARALLEL = 1e-24  # least squared length of a difference of gradients that defines a crease
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def lowest_of_planes(planes: Planes, near: Vector) -> tuple[float, Vector, tuple[int, int, int]]:
     """Least value of max_k (g_k . u + b_k) over |u| = 1, where, and the planes that meet there.
 
@@ -44,7 +44,7 @@ def lowest_of_planes(planes: Planes, near: Vector) -> tuple[float, Vector, tuple
     return best, where, kept
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _greatest(planes: Planes, u: Vector) -> float:
     value = -1e300
     for k in range(4):
@@ -53,7 +53,7 @@ def _greatest(planes: Planes, u: Vector) -> float:
     return value
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _meeting(
     p: Plane, q: Plane, r: Plane, single: bool, pair: bool, sign: float, near: Vector
 ) -> tuple[bool, Vector]:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from numba import njit
+from helmet_sim_ros.model.compiled import compiled
 
 NEAREST = 1e-100  # m, takes the place of a coordinate 0: the root below is then never on a pole
 FLATTEST = 1e-9  # least det(I + d S), which vanishes where two nearest points meet
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def ellipsoid_form(
     x: float, y: float, z: float, a: float, b: float, c: float
 ) -> tuple[float, float, float, float, float, float, float, float, float, float]:

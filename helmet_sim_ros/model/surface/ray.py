@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from numba import njit
-
-from helmet_sim_ros.model.surface.compiled import HALF_SPACE, Surface
+from helmet_sim_ros.model.compiled import compiled
+from helmet_sim_ros.model.surface.kinds import HALF_SPACE, Shape
 from helmet_sim_ros.model.surface.shapes import signed_distance
 
 STEPS = 100
@@ -13,9 +12,9 @@ ENDLESS = 1e6  # m, where a direction does not lead out
 GRAZING = 1e-9  # least cosine to the normal that still leads out
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def depth_along(
-    surface: Surface, i: int, x: float, y: float, z: float, dx: float, dy: float, dz: float
+    shape: Shape, x: float, y: float, z: float, dx: float, dy: float, dz: float
 ) -> tuple[float, float, float, float]:
     """Way out of a shape along a direction: the depth of a column that is crushed along it.
 
@@ -24,8 +23,7 @@ def depth_along(
     the distance itself while it does not grow yet.
 
     Args:
-        surface: compiled shapes.
-        i: index of the shape.
+        shape: see :func:`.shapes.shape_of`.
         x, y, z: point, world axes [m].
         dx, dy, dz: unit vector, world axes.
 
@@ -33,10 +31,10 @@ def depth_along(
         Length [m], 0 outside, ``ENDLESS`` where there is no way out; outward normal where the line
         leaves the shape, world axes.
     """
-    d, nx, ny, nz, _ = signed_distance(surface, i, x, y, z)
+    d, nx, ny, nz, _ = signed_distance(shape, x, y, z)
     if d >= 0.0:
         return 0.0, nx, ny, nz
-    if surface.kind[i] == HALF_SPACE:
+    if shape.kind == HALF_SPACE:
         slope = nx * dx + ny * dy + nz * dz
         if slope <= GRAZING:
             return ENDLESS, nx, ny, nz
@@ -45,9 +43,7 @@ def depth_along(
     for _ in range(STEPS):
         slope = nx * dx + ny * dy + nz * dz
         way += abs(d) if slope <= GRAZING else -d / slope
-        d, nx, ny, nz, _ = signed_distance(
-            surface, i, x + way * dx, y + way * dy, z + way * dz
-        )  # fmt: skip
+        d, nx, ny, nz, _ = signed_distance(shape, x + way * dx, y + way * dy, z + way * dz)
         if abs(d) <= CLOSE:
             return way, nx, ny, nz
     return way, nx, ny, nz

@@ -11,26 +11,25 @@ the origin, faces down to both sides of y. All other shapes are centred on the o
 
 from __future__ import annotations
 
-from numba import njit
-
-from helmet_sim_ros.model.surface.compiled import (
+from helmet_sim_ros.model.compiled import compiled, inlined
+from helmet_sim_ros.model.surface.ellipsoid import ellipsoid_form
+from helmet_sim_ros.model.surface.kinds import (
     BOX,
     CAPSULE,
     COSINE,
     DISC,
     ELLIPSOID,
     FIRST,
-    HALF_SPACE,
     RADIUS,
     SECOND,
     SINE,
     SPHERE,
     THIRD,
     WEDGE,
-    Size,
-    Surface,
 )
-from helmet_sim_ros.model.surface.ellipsoid import ellipsoid_form
+from helmet_sim_ros.model.surface.kinds import HALF_SPACE as HALF_SPACE
+from helmet_sim_ros.model.surface.kinds import Shape as Shape
+from helmet_sim_ros.model.surface.kinds import Surface as Surface
 
 SHARPEST = 1e-9  # m, least radius of curvature that is reported
 TINY = 1e-30  # m, nearer to a core's point or axis there is no direction away from it
@@ -40,66 +39,77 @@ TINY = 1e-30  # m, nearer to a core's point or axis there is no direction away f
 Form = tuple[float, float, float, float, float, float, float, float, float, float]
 
 
-@njit(cache=True, nogil=True, inline="always")  # a plane costs 1 ns instead of 30
+@compiled
+def shape_of(surface: Surface, i: int) -> Shape:
+    """Shape i of a surface."""
+    p, r, s = surface.position, surface.rotation, surface.size
+    return Shape(
+        surface.kind[i],
+        (p[i, 0], p[i, 1], p[i, 2]),
+        (
+            r[i, 0], r[i, 1], r[i, 2], r[i, 3], r[i, 4], r[i, 5], r[i, 6], r[i, 7], r[i, 8],
+        ),
+        (s[i, 0], s[i, 1], s[i, 2], s[i, 3], s[i, 4]),
+        surface.friction[i],
+    )  # fmt: skip
+
+
+@inlined
 def signed_distance(
-    surface: Surface, i: int, x: float, y: float, z: float
+    shape: Shape, x: float, y: float, z: float
 ) -> tuple[float, float, float, float, float]:
     """Distance from a shape, and which way is out.
 
     Args:
-        surface: compiled shapes.
-        i: index of the shape.
+        shape: see :func:`shape_of`.
         x, y, z: point, world axes [m].
 
     Returns:
         Distance [m], negative inside; outward unit normal x, y, z, world axes; sum of the two
         principal curvatures of the level surface through the point [1/m], positive where convex.
     """
-    r, position = surface.rotation, surface.position
-    r2, r5, r8 = r[i, 2], r[i, 5], r[i, 8]
-    dx, dy, dz = x - position[i, 0], y - position[i, 1], z - position[i, 2]
-    along = r2 * dx + r5 * dy + r8 * dz
-    kind = surface.kind[i]
-    if kind == HALF_SPACE:
-        return along, r2, r5, r8, 0.0
-    r0, r1, r3, r4, r6, r7 = r[i, 0], r[i, 1], r[i, 3], r[i, 4], r[i, 6], r[i, 7]
-    d, nx, ny, nz, _, _, _, k1, _, k2 = local_form(
-        kind, size_of(surface, i), r0 * dx + r3 * dy + r6 * dz, r1 * dx + r4 * dy + r7 * dz, along
+    r = shape.rotation
+    dx = x - shape.position[0]
+    dy = y - shape.position[1]
+    dz = z - shape.position[2]
+    if shape.kind == HALF_SPACE:
+        return r[2] * dx + r[5] * dy + r[8] * dz, r[2], r[5], r[8], 0.0
+    form = local_form(
+        shape,
+        r[0] * dx + r[3] * dy + r[6] * dz,
+        r[1] * dx + r[4] * dy + r[7] * dz,
+        r[2] * dx + r[5] * dy + r[8] * dz,
     )
+    nx, ny, nz = form[1], form[2], form[3]
     return (
-        d,
-        r0 * nx + r1 * ny + r2 * nz,
-        r3 * nx + r4 * ny + r5 * nz,
-        r6 * nx + r7 * ny + r8 * nz,
-        k1 + k2,
+        form[0],
+        r[0] * nx + r[1] * ny + r[2] * nz,
+        r[3] * nx + r[4] * ny + r[5] * nz,
+        r[6] * nx + r[7] * ny + r[8] * nz,
+        form[7] + form[9],
     )
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def nearest(
     surface: Surface, x: float, y: float, z: float
 ) -> tuple[int, float, float, float, float, float]:
     """Index of the shape with the least signed distance, then as :func:`signed_distance`."""
     best = 0
-    d, nx, ny, nz, curvature = signed_distance(surface, 0, x, y, z)
+    d, nx, ny, nz, curvature = signed_distance(shape_of(surface, 0), x, y, z)
     for i in range(1, len(surface.kind)):
-        other = signed_distance(surface, i, x, y, z)
+        other = signed_distance(shape_of(surface, i), x, y, z)
         if other[0] < d:
             best = i
             d, nx, ny, nz, curvature = other
     return best, d, nx, ny, nz, curvature
 
 
-@njit(cache=True, nogil=True, inline="always")
-def size_of(surface: Surface, i: int) -> Size:
-    """The size row of a shape. As a tuple: arrays cost their counting of references."""
-    s = surface.size
-    return s[i, 0], s[i, 1], s[i, 2], s[i, 3], s[i, 4]
-
-
-@njit(cache=True, nogil=True)
-def local_form(kind: int, s: Size, x: float, y: float, z: float) -> Form:
-    """The :data:`Form` of a shape of a kind and size at a point in shape axes [m]."""
+@compiled
+def local_form(shape: Shape, x: float, y: float, z: float) -> Form:
+    """The :data:`Form` of a shape at a point in shape axes [m]."""
+    kind = shape.kind
+    s = shape.size
     if kind == SPHERE:
         return _about_point(x, y, z, s[RADIUS], 0.0, 0.0, 1.0)
     if kind == CAPSULE:
@@ -115,7 +125,7 @@ def local_form(kind: int, s: Size, x: float, y: float, z: float) -> Form:
     return z, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def tangent(nx: float, ny: float, nz: float) -> tuple[float, float, float]:
     """A unit vector across a unit vector."""
     if abs(nz) < 0.9:
@@ -125,7 +135,7 @@ def tangent(nx: float, ny: float, nz: float) -> tuple[float, float, float]:
     return 0.0, -nz * scale, ny * scale
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _about_point(
     x: float, y: float, z: float, radius: float, ux: float, uy: float, uz: float
 ) -> Form:
@@ -139,7 +149,7 @@ def _about_point(
     return rho - radius, nx, ny, nz, ex, ey, ez, k, 0.0, k
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _capsule(x: float, y: float, z: float, radius: float, half: float) -> Form:
     if abs(z) > half:
         return _about_point(x, y, z - (half if z > 0.0 else -half), radius, 1.0, 0.0, 0.0)
@@ -151,7 +161,7 @@ def _capsule(x: float, y: float, z: float, radius: float, half: float) -> Form:
     return rho - radius, nx, ny, 0.0, -ny, nx, 0.0, k, 0.0, 0.0
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _box(x: float, y: float, z: float, radius: float, hx: float, hy: float, hz: float) -> Form:
     sx = 1.0 if x >= 0.0 else -1.0
     sy = 1.0 if y >= 0.0 else -1.0
@@ -182,7 +192,7 @@ def _box(x: float, y: float, z: float, radius: float, hx: float, hy: float, hz: 
     return rho - radius, nx, ny, nz, ex, ey, ez, 0.0, 0.0, k
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _disc(x: float, y: float, z: float, radius: float, core: float, half: float) -> Form:
     rho = (x * x + y * y) ** 0.5
     cx, cy = 1.0, 0.0
@@ -200,7 +210,7 @@ def _disc(x: float, y: float, z: float, radius: float, core: float, half: float)
     return above - radius, 0.0, 0.0, sz, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _wedge(
     x: float, y: float, z: float, radius: float, half: float, height: float, sine: float,
     cosine: float,
@@ -224,7 +234,7 @@ def _wedge(
     )  # fmt: skip
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _triangle(
     y: float, z: float, height: float, sine: float, cosine: float
 ) -> tuple[float, float, float, bool]:
