@@ -22,8 +22,8 @@ IDENTITY = np.eye(3).ravel()
 def ball_on(
     surface: Surface, center: tuple[float, float, float], radius: float
 ) -> tuple[float, np.ndarray, np.ndarray]:
-    depth, *rest = deepest_point(shape_of(surface, 0), *center, IDENTITY, radius, radius, radius, np.zeros(3)
-    )  # fmt: skip
+    ball = (radius, radius, radius)
+    depth, *rest = deepest_point(shape_of(surface, 0), *center, IDENTITY, *ball, np.zeros(3))
     return depth, np.array(rest[:3]), np.array(rest[3:])
 
 
