@@ -15,12 +15,12 @@ import numpy as np
 from numba import njit
 
 from helmet_sim_ros.biomech.record import FloatArray
+from helmet_sim_ros.model.surface.compiled import Surface
 from helmet_sim_ros.model.surface.config import compile_parts
 from helmet_sim_ros.model.surface.deepest import deepest_point
-from helmet_sim_ros.model.surface.kinds import Surface
 from helmet_sim_ros.model.surface.parts import part_of
 from helmet_sim_ros.model.surface.ray import depth_along
-from helmet_sim_ros.model.surface.shapes import shape_of, signed_distance
+from helmet_sim_ros.model.surface.shapes import signed_distance
 
 COUNT = 20_000
 SHELL = (0.13, 0.11, 0.12)  # m
@@ -40,27 +40,27 @@ SHAPES: dict[str, tuple[dict[str, object], float]] = {
 
 @njit
 def distances(surface: Surface, points: FloatArray) -> float:
-    shape, total = shape_of(surface, 0), 0.0
+    total = 0.0
     for p in points:
-        total += signed_distance(shape, p[0], p[1], p[2])[0]
+        total += signed_distance(surface, 0, p[0], p[1], p[2])[0]
     return total
 
 
 @njit
 def ways(surface: Surface, points: FloatArray) -> float:
-    shape, total = shape_of(surface, 0), 0.0
+    total = 0.0
     for p in points:
-        total += depth_along(shape, p[0], p[1], p[2], 0.0, 0.0, 1.0)[0]
+        total += depth_along(surface, 0, p[0], p[1], p[2], 0.0, 0.0, 1.0)[0]
     return total
 
 
 @njit
 def deepest(surface: Surface, centers: FloatArray, rotation: FloatArray, warm: bool) -> float:
-    shape, guess, total = shape_of(surface, 0), np.zeros(3), 0.0
+    guess, total = np.zeros(3), 0.0
     for c in centers:
         if not warm:
             guess[:] = 0.0
-        total += deepest_point(shape, c[0], c[1], c[2], rotation, 0.13, 0.11, 0.12, guess)[0]
+        total += deepest_point(surface, 0, c[0], c[1], c[2], rotation, 0.13, 0.11, 0.12, guess)[0]
     return total
 
 

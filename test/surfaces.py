@@ -9,10 +9,10 @@ from numba import njit
 from scipy.spatial.transform import Rotation
 
 from helmet_sim_ros.biomech.record import FloatArray
+from helmet_sim_ros.model.surface.compiled import Surface
 from helmet_sim_ros.model.surface.config import compile_parts
-from helmet_sim_ros.model.surface.kinds import Surface
 from helmet_sim_ros.model.surface.parts import part_of
-from helmet_sim_ros.model.surface.shapes import shape_of, signed_distance
+from helmet_sim_ros.model.surface.shapes import signed_distance
 
 SIZES: dict[str, dict[str, Any]] = {
     "half_space": {},
@@ -50,10 +50,9 @@ def somewhere(kind: str, seed: int, **sizes: Any) -> Surface:
 @njit
 def distances(surface: Surface, points: FloatArray) -> FloatArray:
     """Signed distance of the first shape from many points (n, 3)."""
-    first = shape_of(surface, 0)
     found = np.empty(len(points))
     for k in range(len(points)):
-        found[k] = signed_distance(first, points[k, 0], points[k, 1], points[k, 2])[0]
+        found[k] = signed_distance(surface, 0, points[k, 0], points[k, 1], points[k, 2])[0]
     return found
 
 

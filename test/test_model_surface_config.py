@@ -11,7 +11,7 @@ from surfaces import SIZES
 from helmet_sim_ros.errors import SetupError
 from helmet_sim_ros.model.surface.config import SurfaceConfig, load_surface
 from helmet_sim_ros.model.surface.drawing import add_geoms, drawn
-from helmet_sim_ros.model.surface.shapes import nearest, shape_of, signed_distance
+from helmet_sim_ros.model.surface.shapes import nearest, signed_distance
 from helmet_sim_ros.resources import share_directory
 
 SHIPPED = sorted(p.stem for p in (share_directory() / "config" / "surfaces").glob("*.yaml"))
@@ -56,13 +56,7 @@ def test_ground_is_the_plane_below_zero() -> None:
     ground = load_surface("ground")
     assert ground.is_flat_ground
     assert (ground.frame[0] == 0.0).all() and (ground.frame[1] == np.eye(3)).all()
-    assert signed_distance(shape_of(ground.compiled(), 0), 3.0, -2.0, 0.7) == (
-        0.7,
-        0.0,
-        0.0,
-        1.0,
-        0.0,
-    )
+    assert signed_distance(ground.compiled(), 0, 3.0, -2.0, 0.7) == (0.7, 0.0, 0.0, 1.0, 0.0)
     assert ground.friction == 0.4
     assert not load_surface("kerb").is_flat_ground
 
@@ -215,5 +209,5 @@ def test_the_thinnest_shape_limits_the_depth() -> None:
     assert load_surface("edge_anvil").half_thickness == 0.003
     wedge = load_surface("kerbstone")
     inside = np.linspace(-0.059, 0.0, 2000)
-    deepest = -min(signed_distance(shape_of(wedge.compiled(), 0), 0.0, 0.0, z)[0] for z in inside)
+    deepest = -min(signed_distance(wedge.compiled(), 0, 0.0, 0.0, z)[0] for z in inside)
     assert wedge.half_thickness == pytest.approx(deepest, abs=2e-5)

@@ -9,10 +9,10 @@ from numba.core.runtime import _nrt_python, rtsys
 from scipy.optimize import minimize
 from surfaces import SHARP, SIZES, directions, distances, shape, somewhere, turned
 
+from helmet_sim_ros.model.surface.compiled import Surface
 from helmet_sim_ros.model.surface.cutting import lowest_of_planes
 from helmet_sim_ros.model.surface.deepest import deepest_point
-from helmet_sim_ros.model.surface.kinds import Surface
-from helmet_sim_ros.model.surface.shapes import shape_of, signed_distance
+from helmet_sim_ros.model.surface.shapes import signed_distance
 
 LATTICE = directions(4000)
 SHELL = (0.13, 0.11, 0.12)  # m
@@ -22,8 +22,9 @@ IDENTITY = np.eye(3).ravel()
 def ball_on(
     surface: Surface, center: tuple[float, float, float], radius: float
 ) -> tuple[float, np.ndarray, np.ndarray]:
-    ball = (radius, radius, radius)
-    depth, *rest = deepest_point(shape_of(surface, 0), *center, IDENTITY, *ball, np.zeros(3))
+    depth, *rest = deepest_point(
+        surface, 0, *center, IDENTITY, radius, radius, radius, np.zeros(3)
+    )  # fmt: skip
     return depth, np.array(rest[:3]), np.array(rest[3:])
 
 
@@ -78,7 +79,7 @@ def test_flat_ground_gives_the_bits_of_the_closed_form() -> None:
         scale = 1.0 / ((ax * dx) ** 2 + (ay * dy) ** 2 + (az * dz) ** 2) ** 0.5
         lx, ly, lz = ax * ax * dx * scale, ay * ay * dy * scale, az * az * dz * scale
         pz = z + m[6] * lx + m[7] * ly + m[8] * lz
-        found = deepest_point(shape_of(surface, 0), 0.3, -0.2, z, m, ax, ay, az, np.zeros(3))
+        found = deepest_point(surface, 0, 0.3, -0.2, z, m, ax, ay, az, np.zeros(3))
         assert found[0] == -pz
         assert found[1] == 0.3 + m[0] * lx + m[1] * ly + m[2] * lz
         assert found[4:] == (0.0, 0.0, 1.0)
@@ -111,9 +112,7 @@ def best_by_search(
     """Depth found by sampling the whole surface, then refining the three best places."""
 
     def distance(v: np.ndarray) -> float:
-        return signed_distance(
-            shape_of(surface, 0), *(center + rotation @ (axes * v / np.linalg.norm(v)))
-        )[0]
+        return signed_distance(surface, 0, *(center + rotation @ (axes * v / np.linalg.norm(v))))[0]
 
     sampled = distances(surface, center + (axes * LATTICE) @ rotation.T)
     starts = LATTICE[np.argsort(sampled)[:3]]
@@ -132,7 +131,7 @@ def test_no_search_finds_a_deeper_point(kind: str, sizes: dict, depth: float) ->
     for seed in range(12):
         surface = somewhere(kind, seed, **sizes)
         center, rotation, axes = in_contact(surface, seed, depth)
-        found = deepest_point(shape_of(surface, 0), *center, rotation.ravel(), *axes, np.zeros(3))
+        found = deepest_point(surface, 0, *center, rotation.ravel(), *axes, np.zeros(3))
         assert found[0] >= best_by_search(surface, center, rotation, axes) - 1e-8
         local = rotation.T @ (np.array(found[1:4]) - center) / axes
         own = rotation @ (local / axes)
@@ -158,10 +157,10 @@ def test_the_result_is_a_point_of_both_however_deep(
     name = kind.removeprefix("sharp_")
     surface = shape(name, **(SHARP if sharp else SIZES)[name])
     rotation, guess = turned(turn), np.array(start)
-    depth, *rest = deepest_point(shape_of(surface, 0), *center, rotation.ravel(), *axes, guess)
+    depth, *rest = deepest_point(surface, 0, *center, rotation.ravel(), *axes, guess)
     point, normal = np.array(rest[:3]), np.array(rest[3:])
     assert np.linalg.norm(normal) == pytest.approx(1.0, abs=1e-9)
-    assert signed_distance(shape_of(surface, 0), *point)[0] == pytest.approx(-depth, abs=1e-12)
+    assert signed_distance(surface, 0, *point)[0] == pytest.approx(-depth, abs=1e-12)
     local = rotation.T @ (point - np.array(center)) / np.array(axes)
     assert np.linalg.norm(local) == pytest.approx(1.0, abs=1e-9)
     assert guess == pytest.approx(local, abs=1e-9)
@@ -174,17 +173,15 @@ def test_a_warm_start_follows_a_moving_shell_to_the_same_points(kind: str) -> No
     guess = np.zeros(3)
     for k in range(50):
         moved = center + 2e-4 * k * np.array([0.6, 0.0, 0.8])
-        warm = deepest_point(shape_of(surface, 0), *moved, rotation.ravel(), *axes, guess)
-        cold = deepest_point(shape_of(surface, 0), *moved, rotation.ravel(), *axes, np.zeros(3))
+        warm = deepest_point(surface, 0, *moved, rotation.ravel(), *axes, guess)
+        cold = deepest_point(surface, 0, *moved, rotation.ravel(), *axes, np.zeros(3))
         assert warm[0] == pytest.approx(cold[0], abs=1e-12)
         assert warm[1:] == pytest.approx(cold[1:], abs=1e-5)
 
 
 def test_through_a_thin_bar_the_depth_stays_its_radius() -> None:
     bar = shape("capsule", radius=0.005, length=1.0, rotation_deg=(0.0, 90.0, 0.0))
-    found = deepest_point(
-        shape_of(bar, 0), 0.0, 0.0, 0.09, IDENTITY, *SHELL, np.array([0.0, 0.0, -1.0])
-    )
+    found = deepest_point(bar, 0, 0.0, 0.0, 0.09, IDENTITY, *SHELL, np.array([0.0, 0.0, -1.0]))
     assert found[0] == pytest.approx(0.005, abs=1e-9)
     assert np.linalg.norm(found[4:]) == pytest.approx(1.0)
 
@@ -207,10 +204,8 @@ def _many(surface: Surface, count: int, rotation: np.ndarray, guess: np.ndarray)
     total = 0.0
     for i in range(count):
         z = 0.15 - 1e-4 * (i % 100)
-        total += deepest_point(
-            shape_of(surface, 0), 0.0, 0.01, z, rotation, 0.13, 0.11, 0.12, guess
-        )[0]
-        total += signed_distance(shape_of(surface, 0), 0.0, 0.01, z)[0]
+        total += deepest_point(surface, 0, 0.0, 0.01, z, rotation, 0.13, 0.11, 0.12, guess)[0]
+        total += signed_distance(surface, 0, 0.0, 0.01, z)[0]
     return total
 
 

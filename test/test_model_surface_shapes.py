@@ -7,11 +7,11 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 from surfaces import SHARP, SIZES, directions, shape, somewhere
 
+from helmet_sim_ros.model.surface.compiled import Surface
 from helmet_sim_ros.model.surface.config import compile_parts
-from helmet_sim_ros.model.surface.kinds import Surface
 from helmet_sim_ros.model.surface.parts import part_of
 from helmet_sim_ros.model.surface.ray import ENDLESS, depth_along
-from helmet_sim_ros.model.surface.shapes import nearest, shape_of, signed_distance
+from helmet_sim_ros.model.surface.shapes import nearest, signed_distance
 
 KINDS = [*((kind, SIZES[kind]) for kind in SIZES), *((kind, SHARP[kind]) for kind in SHARP)]
 every_shape = pytest.mark.parametrize(
@@ -20,11 +20,11 @@ every_shape = pytest.mark.parametrize(
 
 
 def distance(surface: Surface, point: np.ndarray) -> float:
-    return signed_distance(shape_of(surface, 0), *point)[0]
+    return signed_distance(surface, 0, *point)[0]
 
 
 def normal(surface: Surface, point: np.ndarray) -> np.ndarray:
-    return np.array(signed_distance(shape_of(surface, 0), *point)[1:4])
+    return np.array(signed_distance(surface, 0, *point)[1:4])
 
 
 def points_around(surface: Surface, seed: int, count: int) -> np.ndarray:
@@ -76,7 +76,7 @@ def test_the_normal_is_a_unit_vector_everywhere(
 ) -> None:
     surface = shape(kind, **sizes)
     for point in (place, on_grid, (on_grid[0], place[1], on_grid[2])):
-        d, nx, ny, nz, curvature = signed_distance(shape_of(surface, 0), *point)
+        d, nx, ny, nz, curvature = signed_distance(surface, 0, *point)
         assert np.isfinite([d, curvature]).all()
         assert nx * nx + ny * ny + nz * nz == pytest.approx(1.0, abs=1e-12)
 
@@ -128,9 +128,9 @@ def test_curvature_is_that_of_the_level_surface() -> None:
         ),
     }
     for (kind, point), curvature in cases.items():
-        assert signed_distance(shape_of(shape(kind), 0), *point)[4] == pytest.approx(
-            curvature, rel=1e-9
-        ), kind
+        assert signed_distance(shape(kind), 0, *point)[4] == pytest.approx(curvature, rel=1e-9), (
+            kind
+        )
 
 
 def test_curvature_is_the_divergence_of_the_normal() -> None:
@@ -138,7 +138,7 @@ def test_curvature_is_the_divergence_of_the_normal() -> None:
     for seed in range(40):
         surface = somewhere("ellipsoid", seed)
         for p in points_around(surface, seed, 5):
-            d, *_, curvature = signed_distance(shape_of(surface, 0), *p)
+            d, *_, curvature = signed_distance(surface, 0, *p)
             if d < -0.01:
                 continue
             divergence = sum(
@@ -209,7 +209,7 @@ def test_the_way_out_ends_on_the_surface_and_nowhere_before(kind: str, sizes: di
         for p in points_around(surface, seed, 60):
             v = rng.normal(size=3)
             v /= np.linalg.norm(v)
-            way, *normal_there = depth_along(shape_of(surface, 0), *p, *v)
+            way, *normal_there = depth_along(surface, 0, *p, *v)
             if distance(surface, p) >= 0.0:
                 assert way == 0.0
                 continue
@@ -225,6 +225,6 @@ def test_the_way_out_of_a_thin_plate_goes_on_growing_with_the_depth() -> None:
     plate = shape("box", half_sizes=(0.09, 0.003, 0.04), edge_radius=0.003)
     for depth in (0.001, 0.003, 0.02, 0.03):
         assert distance(plate, np.array([0.0, 0.0, 0.04 - depth])) >= -0.003
-        way, *up = depth_along(shape_of(plate, 0), 0.0, 0.0, 0.04 - depth, 0.0, 0.0, 1.0)
+        way, *up = depth_along(plate, 0, 0.0, 0.0, 0.04 - depth, 0.0, 0.0, 1.0)
         assert way == pytest.approx(depth, abs=1e-12)
         assert up == pytest.approx([0.0, 0.0, 1.0], abs=1e-6)

@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.errors import Problem, SetupError
-from helmet_sim_ros.model.surface.kinds import Surface
+from helmet_sim_ros.model.surface.compiled import Surface
 from helmet_sim_ros.model.surface.parts import KINDS, HalfSpace, Part, Target, part_of
 from helmet_sim_ros.resources import find_config
 from helmet_sim_ros.schema import Config, quantity
@@ -55,12 +55,11 @@ class SurfaceConfig(Config):
             raise SetupError.of("shapes", [], "must hold at least one shape")
         if self.is_flat_ground and self.target.point == (0.0, 0.0, 0.0) and self.target.is_level:
             return self  # and the compiler need not be loaded
-        from helmet_sim_ros.model.surface.shapes import shape_of, signed_distance
+        from helmet_sim_ros.model.surface.shapes import signed_distance
 
         surface, target = self.compiled(), self.target
         point, normal = np.array(target.point), target.unit_normal
-        shapes = [shape_of(surface, i) for i in range(len(self.shapes))]
-        distance = [signed_distance(shape, *point)[0] for shape in shapes]
+        distance = [signed_distance(surface, i, *point)[0] for i in range(len(self.shapes))]
         touched = [i for i, d in enumerate(distance) if abs(d) <= ON_SURFACE]
         nearest = int(np.argmin(np.abs(distance)))
         if not touched:
@@ -79,10 +78,10 @@ class SurfaceConfig(Config):
             )  # fmt: skip
         beside = point + PROBE * normal
         if not any(
-            signed_distance(shapes[i], *beside)[0] - distance[i] >= PROBE * (1.0 - SLACK)
+            signed_distance(surface, i, *beside)[0] - distance[i] >= PROBE * (1.0 - SLACK)
             for i in touched
         ):
-            there = signed_distance(shapes[touched[0]], *(point + 1e-9 * normal))[1:4]
+            there = signed_distance(surface, touched[0], *(point + 1e-9 * normal))[1:4]
             raise SetupError.of(
                 "target.normal", tuple(round(float(v), 6) for v in normal),
                 f"must be an outward normal of {self._named(touched[0])} at the target, "

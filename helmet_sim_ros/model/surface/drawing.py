@@ -23,7 +23,6 @@ from helmet_sim_ros.model.surface.parts import (
 )
 
 GROUND = "ground"  # name of the geom of flat ground
-COLOR = (0.55, 0.55, 0.55, 1.0)
 PLATE = 0.002  # m, thickness of the drawn faces of a wedge
 
 _GEOMS = {
@@ -60,9 +59,7 @@ def drawn(surface: SurfaceConfig) -> list[Primitive]:
 
 
 def add_geoms(
-    spec: mujoco.MjSpec,
-    surface: SurfaceConfig,
-    rgba: tuple[float, float, float, float] = COLOR,
+    spec: mujoco.MjSpec, surface: SurfaceConfig, rgba: tuple[float, float, float, float]
 ) -> None:
     """Add the solids to the world body, as geoms that touch nothing.
 

@@ -11,8 +11,8 @@ from pydantic import model_validator
 
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.errors import Problem, SetupError
-from helmet_sim_ros.model.surface import kinds
-from helmet_sim_ros.model.surface.kinds import Size
+from helmet_sim_ros.model.surface import compiled
+from helmet_sim_ros.model.surface.compiled import Size
 from helmet_sim_ros.schema import Config, quantity
 
 Vector = tuple[float, float, float]
@@ -55,7 +55,7 @@ class HalfSpace(_Part):
 
     @property
     def size(self) -> Size:
-        """Size row, see :class:`.kinds.Surface`; so in all classes below."""
+        """Size row, see :class:`.compiled.Surface`; so in all classes below."""
         return 0.0, 0.0, 0.0, 0.0, 0.0
 
     @property
@@ -208,13 +208,13 @@ Part = HalfSpace | Sphere | Capsule | Box | Disc | Wedge | Ellipsoid
 
 #: Kind as written -> class and compiled kind.
 KINDS: dict[str, tuple[type[Part], int]] = {
-    "half_space": (HalfSpace, kinds.HALF_SPACE),
-    "sphere": (Sphere, kinds.SPHERE),
-    "capsule": (Capsule, kinds.CAPSULE),
-    "box": (Box, kinds.BOX),
-    "disc": (Disc, kinds.DISC),
-    "wedge": (Wedge, kinds.WEDGE),
-    "ellipsoid": (Ellipsoid, kinds.ELLIPSOID),
+    "half_space": (HalfSpace, compiled.HALF_SPACE),
+    "sphere": (Sphere, compiled.SPHERE),
+    "capsule": (Capsule, compiled.CAPSULE),
+    "box": (Box, compiled.BOX),
+    "disc": (Disc, compiled.DISC),
+    "wedge": (Wedge, compiled.WEDGE),
+    "ellipsoid": (Ellipsoid, compiled.ELLIPSOID),
 }
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from helmet_sim_ros.model.compiled import compiled
-from helmet_sim_ros.model.surface.kinds import HALF_SPACE, Shape
+from helmet_sim_ros.model.surface.compiled import HALF_SPACE, Surface
 from helmet_sim_ros.model.surface.shapes import signed_distance
 
 STEPS = 100
@@ -14,7 +14,7 @@ GRAZING = 1e-9  # least cosine to the normal that still leads out
 
 @compiled
 def depth_along(
-    shape: Shape, x: float, y: float, z: float, dx: float, dy: float, dz: float
+    surface: Surface, i: int, x: float, y: float, z: float, dx: float, dy: float, dz: float
 ) -> tuple[float, float, float, float]:
     """Way out of a shape along a direction: the depth of a column that is crushed along it.
 
@@ -23,7 +23,8 @@ def depth_along(
     the distance itself while it does not grow yet.
 
     Args:
-        shape: see :func:`.shapes.shape_of`.
+        surface: compiled shapes.
+        i: index of the shape.
         x, y, z: point, world axes [m].
         dx, dy, dz: unit vector, world axes.
 
@@ -31,10 +32,10 @@ def depth_along(
         Length [m], 0 outside, ``ENDLESS`` where there is no way out; outward normal where the line
         leaves the shape, world axes.
     """
-    d, nx, ny, nz, _ = signed_distance(shape, x, y, z)
+    d, nx, ny, nz, _ = signed_distance(surface, i, x, y, z)
     if d >= 0.0:
         return 0.0, nx, ny, nz
-    if shape.kind == HALF_SPACE:
+    if surface.kind[i] == HALF_SPACE:
         slope = nx * dx + ny * dy + nz * dz
         if slope <= GRAZING:
             return ENDLESS, nx, ny, nz
@@ -43,7 +44,9 @@ def depth_along(
     for _ in range(STEPS):
         slope = nx * dx + ny * dy + nz * dz
         way += abs(d) if slope <= GRAZING else -d / slope
-        d, nx, ny, nz, _ = signed_distance(shape, x + way * dx, y + way * dy, z + way * dz)
+        d, nx, ny, nz, _ = signed_distance(
+            surface, i, x + way * dx, y + way * dy, z + way * dz
+        )  # fmt: skip
         if abs(d) <= CLOSE:
             return way, nx, ny, nz
     return way, nx, ny, nz

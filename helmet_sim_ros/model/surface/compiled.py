@@ -1,4 +1,4 @@
-"""Shapes as compiled code takes them. Importing this does not load the compiler."""
+"""Shapes as compiled code takes them; importing this does not load the compiler."""
 
 from __future__ import annotations
 
@@ -39,13 +39,3 @@ class Surface(NamedTuple):
     rotation: FloatArray
     size: FloatArray
     friction: FloatArray
-
-
-class Shape(NamedTuple):
-    """One row of a :class:`Surface` as numbers, which compiled code passes in registers."""
-
-    kind: int
-    position: tuple[float, float, float]
-    rotation: tuple[float, float, float, float, float, float, float, float, float]
-    size: Size
-    friction: float
