@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from helmet_sim_ros.errors import SetupError
-from helmet_sim_ros.model.setup import Rider
+from helmet_sim_ros.model.rider.properties import Rider
 from helmet_sim_ros.study import load_reference, load_scenario
 from helmet_sim_ros.study.scenario.overrides import parse_override, parse_overrides
 
