@@ -105,7 +105,7 @@ def sled(rider: Rider, acceleration: FloatArray) -> SledResponse:
     # MuJoCo's framelinacc lacks the field's acceleration, T1's among it.
     specific = sensed["head_specific_force"]
     return SledResponse(
-        time=STEP * np.arange(n),
+        time=STEP * np.arange(n, dtype=np.float64),
         rotation=Rotation.from_quat(quaternion[:, [1, 2, 3, 0]]).as_rotvec(),
         displacement=position - position[0],
         acceleration=specific + GRAVITY,
