@@ -9,9 +9,11 @@ neck on an upright T1 is compared with them in size and timing, not in detail.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import mujoco
 import numpy as np
+from pydantic import Field
 from scipy.spatial.transform import Rotation
 
 from helmet_sim_ros.biomech.record import FloatArray
@@ -22,6 +24,9 @@ from helmet_sim_ros.model.force.neck import CervicalSpine
 from helmet_sim_ros.model.rider.anthropometry import anthropometry
 from helmet_sim_ros.model.rider.neck import add_neck, cervical_spine, set_rest
 from helmet_sim_ros.model.rider.properties import Rider
+from helmet_sim_ros.resources import find_config
+from helmet_sim_ros.schema import Config, quantity
+from helmet_sim_ros.yaml_file import read_yaml
 
 STEP = 1e-4  # s
 GRAVITY = np.array([0.0, 0.0, -9.80665])  # m/s^2
@@ -112,6 +117,45 @@ def sled(rider: Rider, acceleration: FloatArray) -> SledResponse:
         neck_force=sensed["head_force"],
         neck_torque=sensed["head_torque"],
     )
+
+
+class Published(Config):
+    """What volunteers did in a sled test: range of the corridor or of the subjects."""
+
+    rotation_deg: tuple[float, float] = quantity("peak rotation of the head", "deg")
+    displacement_mm: tuple[float, float] | None = quantity(
+        "peak displacement of the head's centre of gravity along the pulse", "mm", None
+    )
+    source: str = Field(description="where it stands")
+    evidence: Literal["read", "general"] = Field(description="general: nobody re-read it")
+
+
+class SledTest(Config):
+    """One published sled test, from ``config/references/neck.yaml``."""
+
+    name: str = Field(description="of the test")
+    peak_g: float = quantity("peak acceleration of T1, a half-sine", "g")
+    speed_change: float = quantity("amount of its integral", "m/s", gt=0.0)
+    axis: Literal["x", "y"] = Field(description="along which T1 is accelerated")
+    source: str = Field(description="of the pulse")
+    evidence: Literal["read", "general"] = Field(description="general: nobody re-read it")
+    response: Published | None = Field(None, description="what volunteers did")
+
+    def pulse(self, duration: float) -> FloatArray:
+        """Acceleration of T1 over a duration [s], (n, 3) [m/s^2]."""
+        along = half_sine(self.peak_g * 9.80665, self.speed_change, duration)
+        return along if self.axis == "x" else along[:, [1, 0, 2]]
+
+
+def sled_tests() -> tuple[SledTest, ...]:
+    """The published sled tests of ``config/references/neck.yaml``.
+
+    Raises:
+        SetupError: the file is not as it should be.
+    """
+    path = find_config("references", "neck", "reference")
+    tests = read_yaml(path, "reference").get("sled", [])
+    return tuple(SledTest.from_mapping(test, str(path)) for test in tests)
 
 
 def half_sine(peak: float, speed_change: float, duration: float) -> FloatArray:

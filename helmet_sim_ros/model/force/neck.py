@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.model.compiled import compiled
 from helmet_sim_ros.model.force.bodies import Loads, Motion
+from helmet_sim_ros.model.force.vector import Vec, add, cross, dot, scaled, sub
 
 STOP_STIFFENS = math.radians(10.0)  # beyond the range, where a stop is twice as stiff; choice
 STOP_DAMPING = 0.05  # s/rad, as the other joints' stops; choice
@@ -65,7 +66,7 @@ class CervicalSpine(NamedTuple):
 
 
 @compiled
-def rotation_vector(w: float, x: float, y: float, z: float) -> tuple[float, float, float]:
+def rotation_vector(w: float, x: float, y: float, z: float) -> Vec:
     """Rotation vector [rad] of a unit quaternion, at most pi long."""
     if w < 0.0:
         w, x, y, z = -w, -x, -y, -z
@@ -75,38 +76,34 @@ def rotation_vector(w: float, x: float, y: float, z: float) -> tuple[float, floa
 
 
 @compiled
-def conjugate_axis(
-    rx: float, ry: float, rz: float, gx: float, gy: float, gz: float
-) -> tuple[float, float, float]:
-    """J(r)^-T g: along which the child's angular velocity, in its own axes, changes r along g.
+def along(r: Vec, g: Vec) -> Vec:
+    """J(r)^-T g: the direction in which the child's angular velocity, in its own axes, changes the
+    rotation vector r along g.
 
     J(r)^-T = 1 - [r]/2 + c [r]^2, c = (1 - (t/2) cot(t/2)) / t^2, t = |r|.
     """
-    square = rx * rx + ry * ry + rz * rz
+    square = dot(r, r)
     if square > 1e-4:
         half = 0.5 * math.sqrt(square)
         c = (1.0 - half * math.cos(half) / math.sin(half)) / square
     else:
         c = (1.0 + square / 60.0) / 12.0
-    px, py, pz = ry * gz - rz * gy, rz * gx - rx * gz, rx * gy - ry * gx
-    qx, qy, qz = ry * pz - rz * py, rz * px - rx * pz, rx * py - ry * px
-    return gx - 0.5 * px + c * qx, gy - 0.5 * py + c * qy, gz - 0.5 * pz + c * qz
+    once = cross(r, g)
+    return add(sub(g, scaled(once, 0.5)), scaled(cross(r, once), c))
 
 
 @compiled
-def bending_excess(rx: float, ry: float, ranges: FloatArray) -> tuple[float, float, float]:
-    """Bending beyond the elliptic cone of motion [rad], and its slope along rx and ry [-]."""
+def bending_excess(bent: Vec, ranges: FloatArray) -> tuple[float, Vec]:
+    """Bending beyond the elliptic cone of motion [rad], and its slope over the rotation vector."""
+    rx, ry, _ = bent
     side, fore = ranges[LATERAL], ranges[FLEXION] if ry >= 0.0 else ranges[EXTENSION]
     reach = math.hypot(rx / side, ry / fore)
     if reach <= 1.0:
-        return 0.0, 0.0, 0.0
+        return 0.0, (0.0, 0.0, 0.0)
     bend = math.hypot(rx, ry)
-    radial, along = (1.0 - 1.0 / reach) / bend, bend / reach**3
-    return (
-        bend * (1.0 - 1.0 / reach),
-        rx * (radial + along / side**2),
-        ry * (radial + along / fore**2),
-    )
+    radial, outwards = (1.0 - 1.0 / reach) / bend, bend / reach**3
+    slope = (rx * (radial + outwards / side**2), ry * (radial + outwards / fore**2), 0.0)
+    return bend * (1.0 - 1.0 / reach), slope
 
 
 @compiled
@@ -146,41 +143,43 @@ def axial_force(neck: CervicalSpine, length: float, rate: float) -> float:
 
 
 @compiled
+def angles(neck: CervicalSpine, qpos: FloatArray, i: int) -> tuple[Vec, Vec]:
+    """Rotation vectors [rad] of ball joint i: child against parent, and against its rest."""
+    first = neck.qpos[i]
+    w, x, y, z = qpos[first], qpos[first + 1], qpos[first + 2], qpos[first + 3]
+    a, b, c, d = neck.rest[i]
+    from_rest = rotation_vector(  # conj(rest) * q
+        a * w + b * x + c * y + d * z,
+        a * x - b * w - c * z + d * y,
+        a * y + b * z - c * w - d * x,
+        a * z - b * y + c * x - d * w,
+    )
+    return rotation_vector(w, x, y, z), from_rest
+
+
+@compiled
 def apply(neck: CervicalSpine, motion: Motion, loads: Loads) -> None:
     """Add the neck's torques [N m] and its axial force [N] to the generalised forces."""
     qpos, qvel, applied = motion.qpos, motion.qvel, loads.generalised
     for i in range(len(neck.qpos)):
-        first, dof = neck.qpos[i], neck.qvel[i]
-        w, x, y, z = qpos[first], qpos[first + 1], qpos[first + 2], qpos[first + 3]
-        rx, ry, rz = rotation_vector(w, x, y, z)
-        # From the posture at rest: conj(rest) * q.
-        a, b, c, d = neck.rest[i]
-        sx, sy, sz = rotation_vector(
-            a * w + b * x + c * y + d * z,
-            a * x - b * w - c * z + d * y,
-            a * y + b * z - c * w - d * x,
-            a * z - b * y + c * x - d * w,
-        )
-        bend = neck.stiffness[i, FLEXION if sy >= 0.0 else EXTENSION]
-        tx, ty, tz = conjugate_axis(
-            sx, sy, sz,
-            -neck.stiffness[i, LATERAL] * sx, -bend * sy, -neck.stiffness[i, TORSION] * sz,
-        )  # fmt: skip
-        excess, slope_x, slope_y = bending_excess(rx, ry, neck.ranges[i])
+        dof = neck.qvel[i]
+        spin = (qvel[dof], qvel[dof + 1], qvel[dof + 2])
+        bent, (sx, sy, sz) = angles(neck, qpos, i)
+        fore = neck.stiffness[i, FLEXION if sy >= 0.0 else EXTENSION]
+        pull = (-neck.stiffness[i, LATERAL] * sx, -fore * sy, -neck.stiffness[i, TORSION] * sz)
+        torque = along((sx, sy, sz), pull)
+        excess, slope = bending_excess(bent, neck.ranges[i])
         if excess > 0.0:
-            ux, uy, uz = conjugate_axis(rx, ry, rz, slope_x, slope_y, 0.0)
-            rate = ux * qvel[dof] + uy * qvel[dof + 1] + uz * qvel[dof + 2]
-            torque = stop_torque(neck.stop_stiffness[i, 0], excess, rate)
-            tx, ty, tz = tx - torque * ux, ty - torque * uy, tz - torque * uz
-        excess = abs(rz) - neck.ranges[i, TORSION]
+            axis = along(bent, slope)
+            held = stop_torque(neck.stop_stiffness[i, 0], excess, dot(axis, spin))
+            torque = sub(torque, scaled(axis, held))
+        excess = abs(bent[2]) - neck.ranges[i, TORSION]
         if excess > 0.0:
-            ux, uy, uz = conjugate_axis(rx, ry, rz, 0.0, 0.0, math.copysign(1.0, rz))
-            rate = ux * qvel[dof] + uy * qvel[dof + 1] + uz * qvel[dof + 2]
-            torque = stop_torque(neck.stop_stiffness[i, 1], excess, rate)
-            tx, ty, tz = tx - torque * ux, ty - torque * uy, tz - torque * uz
-        applied[dof] += tx
-        applied[dof + 1] += ty
-        applied[dof + 2] += tz
+            axis = along(bent, (0.0, 0.0, math.copysign(1.0, bent[2])))
+            held = stop_torque(neck.stop_stiffness[i, 1], excess, dot(axis, spin))
+            torque = sub(torque, scaled(axis, held))
+        for k in range(3):
+            applied[dof + k] += torque[k]
     if len(neck.qpos):
         slide, dof = neck.slide
         applied[dof] += axial_force(neck, qpos[slide], qvel[dof])
@@ -199,67 +198,25 @@ def stored_energy(neck: CervicalSpine, positions: FloatArray) -> FloatArray:
         positions: qpos of every sample since the first touch, (samples, nq).
     """
     energy = np.zeros(len(positions))
-    if len(neck.qpos) == 0:
-        return energy
     yielded = 0.0
     for k in range(len(positions)):
-        q = positions[k]
+        qpos = positions[k]
         for i in range(len(neck.qpos)):
-            first = neck.qpos[i]
-            w, x, y, z = q[first], q[first + 1], q[first + 2], q[first + 3]
-            rx, ry, rz = rotation_vector(w, x, y, z)
-            a, b, c, d = neck.rest[i]
-            sx, sy, sz = rotation_vector(
-                a * w + b * x + c * y + d * z,
-                a * x - b * w - c * z + d * y,
-                a * y + b * z - c * w - d * x,
-                a * z - b * y + c * x - d * w,
-            )
-            bend = neck.stiffness[i, FLEXION if sy >= 0.0 else EXTENSION]
+            bent, (sx, sy, sz) = angles(neck, qpos, i)
+            fore = neck.stiffness[i, FLEXION if sy >= 0.0 else EXTENSION]
             energy[k] += 0.5 * (
                 neck.stiffness[i, LATERAL] * sx**2
-                + bend * sy**2
+                + fore * sy**2
                 + neck.stiffness[i, TORSION] * sz**2
             )
-            excess, _, _ = bending_excess(rx, ry, neck.ranges[i])
+            excess, _ = bending_excess(bent, neck.ranges[i])
             energy[k] += _stop_energy(neck.stop_stiffness[i, 0], excess)
-            excess = max(0.0, abs(rz) - neck.ranges[i, TORSION])
+            excess = max(0.0, abs(bent[2]) - neck.ranges[i, TORSION])
             energy[k] += _stop_energy(neck.stop_stiffness[i, 1], excess)
-        length = q[neck.slide[0]]
-        elastic = elastic_length(neck, -length, yielded)
-        yielded = -length - elastic
-        energy[k] += 0.5 * elastic**2 * (neck.compression if elastic > 0.0 else neck.tension)
-        energy[k] += 0.5 * neck.bottom_stiffness * max(0.0, -length - neck.bottom) ** 2
-    return energy
-    yielded = 0.0
-    for k in range(len(positions)):
-        q = positions[k]
-        for i in range(len(neck.qpos)):
-            first = neck.qpos[i]
-            w, x, y, z = q[first], q[first + 1], q[first + 2], q[first + 3]
-            rx, ry, rz = rotation_vector(w, x, y, z)
-            a, b, c, d = neck.rest[i]
-            sx, sy, sz = rotation_vector(
-                a * w + b * x + c * y + d * z,
-                a * x - b * w - c * z + d * y,
-                a * y + b * z - c * w - d * x,
-                a * z - b * y + c * x - d * w,
-            )
-            bend = neck.stiffness[i, FLEXION if sy >= 0.0 else EXTENSION]
-            energy[k] += 0.5 * (
-                neck.stiffness[i, LATERAL] * sx**2
-                + bend * sy**2
-                + neck.stiffness[i, TORSION] * sz**2
-            )
-            excess, _, _ = bending_excess(rx, ry, neck.ranges[i])
-            energy[k] += _stop_energy(neck.stop_stiffness[i, 0], excess)
-            excess = max(0.0, abs(rz) - neck.ranges[i, TORSION])
-            energy[k] += _stop_energy(neck.stop_stiffness[i, 1], excess)
-        length = q[neck.slide[0]]
-        yielded = max(yielded, -length - neck.plateau / neck.compression)
-        elastic = -length - yielded
-        energy[k] += 0.5 * elastic**2 * (neck.compression if elastic > 0.0 else neck.tension)
-        energy[k] += 0.5 * neck.bottom_stiffness * max(0.0, -length - neck.bottom) ** 2
-        over = max(0.0, -length - neck.stroke[0], length - neck.stroke[1])
-        energy[k] += 0.5 * neck.axial_stop * over**2
+        if len(neck.qpos):
+            length = qpos[neck.slide[0]]
+            elastic = elastic_length(neck, -length, yielded)
+            yielded = -length - elastic
+            energy[k] += 0.5 * elastic**2 * (neck.compression if elastic > 0.0 else neck.tension)
+            energy[k] += 0.5 * neck.bottom_stiffness * max(0.0, -length - neck.bottom) ** 2
     return energy

@@ -155,7 +155,7 @@ def overload(neck: CervicalSpine, positions: FloatArray) -> tuple[str, ...]:
     for i, name in enumerate(JOINTS):
         first = neck.qpos[i]
         bent = Rotation.from_quat(positions[:, [first + 1, first + 2, first + 3, first]])
-        excess = max(bending_excess(x, y, neck.ranges[i])[0] for x, y, _ in bent.as_rotvec())
+        excess = max(bending_excess((x, y, z), neck.ranges[i])[0] for x, y, z in bent.as_rotvec())
         if excess > STOP_STIFFENS:
             notes.append(f"{name} bent {math.degrees(excess):.0f} deg beyond its range of motion")
     return tuple(notes)
