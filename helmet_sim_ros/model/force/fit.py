@@ -41,6 +41,8 @@ from helmet_sim_ros.model.helmet import Helmet
 LINEAR_FROM = 0.9
 #: m, least way on which a compressed padding unloads: skin and skull give way too (a choice).
 ELASTIC = 0.3e-3
+#: Pa/m, no padding with skin and skull unloads more steeply (a choice: what the step resolves).
+STIFFEST = 4e9
 #: s, in which a padding recovers from its compression: longer than an impact, shorter than the time
 #: to the next one (a choice; slow-recovery foams take a second).
 RECOVERY = 0.05
@@ -289,7 +291,8 @@ def apply(fit: Fit, step: float, motion: Motion, loads: Loads) -> None:
         largest = max(deepest[i], compression)
         full = pressure(padding, largest)
         if compression < largest:
-            width = max(ELASTIC, 2.0 * padding.returned * energy(padding, largest) / full)
+            width = 2.0 * padding.returned * energy(padding, largest) / full
+            width = max(width, ELASTIC, full / STIFFEST)
             full *= max(0.0, 1.0 - (largest - compression) / width)
         deepest[i] = largest + (compression - largest) * min(1.0, step / RECOVERY)
         viscous = padding.damping * rate * min(full, padding.modulus)
