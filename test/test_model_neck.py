@@ -232,10 +232,12 @@ def test_a_buckling_neck_bends_to_both_sides() -> None:
     assert bend["neck_lower.y"][at] > 1.0 and bend["neck_upper.y"][at] > 5.0
 
 
-@pytest.mark.parametrize("coupling", ["foam", "spring"])
-def test_a_hard_side_impact_on_an_upright_body_does_not_lock_the_neck(coupling: str) -> None:
+@pytest.mark.parametrize(("coupling", "speed"), [("foam", 10.0), ("spring", 25.0)])
+def test_a_hard_side_impact_on_an_upright_body_does_not_lock_the_neck(
+    coupling: str, speed: float
+) -> None:
     setup = ImpactSetup(
-        direction="left", normal_velocity=25.0, tangential_velocity=20.0, body_angle_deg=85.0,
+        direction="left", normal_velocity=speed, tangential_velocity=15.0, body_angle_deg=85.0,
         tangential_heading_deg=-60.0, overrides={"helmet.coupling": coupling},
     )  # fmt: skip
     impact = Impact(setup)
