@@ -91,7 +91,7 @@ def straighten(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_neck_pressed_beyond_the_plateau_keeps_what_it_yielded() -> None:
-    _, spine = mounted_neck(Rider())
+    model, spine = mounted_neck(Rider())
     elastic = spine.plateaus[0] / spine.compression
     presses = np.concatenate([np.linspace(0.0, 0.08, 200), np.linspace(0.08, 0.0, 200)])
     forces = [law.axial_force(spine, -s, 0.0) for s in presses]
@@ -102,6 +102,11 @@ def test_a_neck_pressed_beyond_the_plateau_keeps_what_it_yielded() -> None:
     assert forces[-1] == pytest.approx(-spine.tension * spine.yielded[0])
     work = np.trapezoid(forces, presses)
     stored = 0.5 * spine.tension * spine.yielded[0] ** 2
+    positions = np.tile(model.qpos0, (len(presses), 1))
+    positions[:, spine.slide[0]] = -presses
+    history = stored_energy(spine, positions)
+    assert history[200] == pytest.approx(0.5 * spine.plateaus[0] * elastic, rel=1e-3)
+    assert history[-1] == pytest.approx(stored, rel=1e-6)
     assert work - stored == pytest.approx(spine.plateaus[0] * (0.08 - elastic), rel=1e-3)
 
 
