@@ -120,8 +120,8 @@ class Padding(Config):
     """Comfort padding between head and liner; see model/force/fit.py for the law. General
     literature values of soft polyurethane foam; not measured for this model."""
 
-    thickness: float = quantity("thickness at rest", "m", 0.005, ge=1e-3, le=0.03)
-    modulus: float = quantity("initial modulus in compression", "Pa", 60e3, ge=1e3, le=1e7)
+    thickness: float = quantity("thickness at rest", "m", 0.004, ge=1e-3, le=0.03)
+    modulus: float = quantity("initial modulus in compression", "Pa", 40e3, ge=1e3, le=1e7)
     densification: float = quantity(
         "strain at which the pores are closed", "-", 0.9, ge=0.3, le=0.98
     )
@@ -131,7 +131,7 @@ class Padding(Config):
     damping: float = quantity(
         "damping c of the pressure p + c v min(p, modulus)", "s/m", 1.0, ge=0.0, le=5.0
     )
-    shear_modulus: float = quantity("initial modulus in shear", "Pa", 25e3, ge=1e2, le=1e8)
+    shear_modulus: float = quantity("initial modulus in shear", "Pa", 15e3, ge=1e2, le=1e8)
     relaxation: float = quantity("damping over stiffness in shear", "s", 1e-3, ge=0.0, le=1e-2)
     preload: float = quantity(
         "compression on the head at rest; below 0: a gap", "m", 0.0, ge=-0.01, le=0.005
