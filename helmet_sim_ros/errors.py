@@ -52,7 +52,8 @@ class IncompleteError(HelmetSimError):
 
 
 class DivergedError(HelmetSimError):
-    """The simulated state stopped being finite; ``time`` is the simulation time [s]."""
+    """The simulated state left physics: it is not finite, or has more kinetic energy than there can
+    be; ``time`` is the simulation time [s]."""
 
     def __init__(self, time: float, setup: object = None) -> None:
         self.time = time
