@@ -27,12 +27,16 @@ WALL = Clock(clock_type=ClockType.STEADY_TIME)
 
 #: How long a signal may wait until an idle node notices it [s].
 _POLL = 0.1
+#: How long a node that was told to end may wait for what is on its way to it [s].
+LEAVING = 3.0
 #: How long the middleware may take to leave the network, everything of ours being done [s].
 TEARDOWN = 5.0
 
 
 def run_node(name: str, create: Callable[[], Node], args: list[str] | None = None) -> int:
     """Create a node and serve it until SIGINT or SIGTERM, then let it ``close()`` in peace.
+
+    A node that has ``leaving()`` is served a little longer, while that gives true.
 
     Args:
         name: for messages.
@@ -58,6 +62,9 @@ def run_node(name: str, create: Callable[[], Node], args: list[str] | None = Non
         executor = SingleThreadedExecutor()
         executor.add_node(node)
         while not stopped and rclpy.ok():
+            _serve(executor, node)
+        patience = time.monotonic() + LEAVING
+        while getattr(node, "leaving", bool)() and rclpy.ok() and time.monotonic() < patience:
             _serve(executor, node)
     except ExternalShutdownException:
         pass
