@@ -33,8 +33,16 @@ NODE_OPTIONS = {
     "allow_undeclared_parameters": True,
 }
 
+#: Parameter of every node.
+CONFIG_PATHS = Leaf(
+    "config_paths", tuple, (), "",
+    "files, and folders of files, that clients may name beside those in config/; read-only",
+)  # fmt: skip
+
 #: Parameters that ROS itself declares on every node.
 _OF_ROS = ("use_sim_time", "start_type_description_service", "qos_overrides")
+#: Values that stay as they were at the start.
+_FIXED = (CONFIG_PATHS.name,)
 _UNSET_WORDS = ("", "none", "null", "unset")
 
 
@@ -69,19 +77,22 @@ class Parameters(Generic[T]):
         changed: Callable[[], None] = lambda: None,
     ) -> None:
         self._node = node
-        self._leaves = {leaf.name: leaf for leaf in leaves}
-        self._build, self._expand = build, expand
-        self._refuse, self._changed = refuse, changed
+        self._leaves = {leaf.name: leaf for leaf in (*leaves, CONFIG_PATHS)}
+        self._make = build
+        self._expand, self._refuse, self._changed = expand, refuse, changed
         defaults = {name: leaf.default for name, leaf in self._leaves.items()}
         given = {name: coerced(self._leaves[name], v) for name, v in self._given().items()}
         self._values = defaults | expand(given, defaults)
-        self.value = build(self._values)
+        self.value = self._build(self._values)
         self._next = self._values, self.value
         for name in self._leaves:
             self._declare(name)
         node.add_pre_set_parameters_callback(self._before)
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._after)
+
+    def _build(self, values: Values) -> T:
+        return self._make({name: v for name, v in values.items() if name not in _FIXED})
 
     def _given(self) -> Values:
         """Take the values of the command line and of parameter files off the node."""
@@ -110,7 +121,7 @@ class Parameters(Generic[T]):
         own = {p.name: p.value for p in parameters if p.name in self._leaves}
         others = [p for p in parameters if p.name not in own]
         changes = {name: coerced(self._leaves[name], value) for name, value in own.items()}
-        with suppress(SetupError):  # refused in _check, where a reason can be given
+        with suppress(Exception):  # refused in _check, where a reason can be given
             changes = self._expand(changes, self._values)
         return others + [_parameter(name, value) for name, value in changes.items()]
 
@@ -130,7 +141,8 @@ class Parameters(Generic[T]):
         except HelmetSimError as error:
             return SetParametersResult(successful=False, reason=str(error))
         except Exception as error:
-            reason = f"unexpected {type(error).__name__}: {error}"
+            names = ", ".join(sorted(changes))
+            reason = f"{names}: unexpected {type(error).__name__}: {error}"
             return SetParametersResult(successful=False, reason=reason)
         return SetParametersResult(successful=True)
 
@@ -159,6 +171,7 @@ def described(leaf: Leaf) -> ParameterDescriptor:
         description=leaf.description + unit,
         additional_constraints=leaf.allowed,
         dynamic_typing=True,
+        read_only=leaf.name in _FIXED,
     )
     if leaf.type is float:
         low = -sys.float_info.max if leaf.minimum is None else leaf.minimum

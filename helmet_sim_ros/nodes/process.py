@@ -20,7 +20,9 @@ from rclpy.task import Future
 
 from helmet_sim_ros.errors import HelmetSimError, SetupError
 from helmet_sim_ros.nodes.environment import prepare_environment
+from helmet_sim_ros.nodes.parameters import CONFIG_PATHS
 from helmet_sim_ros.nodes.teardown import ending_anyway
+from helmet_sim_ros.resources import restrict_reach
 
 #: Wall clock for timers: a node may run with use_sim_time while simulation time stands still.
 WALL = Clock(clock_type=ClockType.STEADY_TIME)
@@ -59,6 +61,7 @@ def run_node(name: str, create: Callable[[], Node], args: list[str] | None = Non
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         node = create()
+        restrict_reach(node.get_parameter(CONFIG_PATHS.name).value or ())
         executor = SingleThreadedExecutor()
         executor.add_node(node)
         while not stopped and rclpy.ok():

@@ -24,6 +24,13 @@ LATCHED = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
     depth=1,
 )
+#: Reader of a state topic that wants what came between as well.
+STATUS_READER = QoSProfile(
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+    history=HistoryPolicy.KEEP_LAST,
+    depth=50,
+)
 #: ``evaluation/criteria``: latched, and deep enough for a client that is busy for a while.
 CRITERIA = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,

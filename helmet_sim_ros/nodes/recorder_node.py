@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections import OrderedDict
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -24,7 +25,12 @@ from helmet_sim_ros.nodes.log_session import CRITERIA_TOPIC, LogSession
 from helmet_sim_ros.nodes.parameters import NODE_OPTIONS, Parameters
 from helmet_sim_ros.nodes.process import WALL, answering, run_node, wait
 from helmet_sim_ros.nodes.qos import CRITERIA_READER, LATCHED, SAMPLES_READER
-from helmet_sim_ros.nodes.recorder_config import RecorderConfig, check_writable, free_path
+from helmet_sim_ros.nodes.recorder_config import (
+    RecorderConfig,
+    check_inside,
+    check_writable,
+    free_path,
+)
 from helmet_sim_ros.schema import leaves
 
 #: ``~/finish`` waits for what is still on its way: until every impact has its criteria or a reason,
@@ -79,9 +85,10 @@ class RecorderNode(Node):
         self._digest = ""  # of the setup of the impact that is being written
         self._started = self._judged_last = time.monotonic()
         self._heard = 0.0  # when samples last arrived, wall time
-        self._last = {"impact_id": "", "path": "", "impacts": 0, "criteria": ""}
+        self._root: Path | None = None  # where logs may go
+        self._last: dict[str, Any] = {"impact_id": "", "path": "", "impacts": 0, "criteria": ""}
         self._settings = Parameters(
-            self, leaves(RecorderConfig), _configuration,
+            self, leaves(RecorderConfig), self._configuration,
             refuse=self._busy_reason, changed=self._moved,
         )  # fmt: skip
         self._place = self._settings.value.place
@@ -306,6 +313,13 @@ class RecorderNode(Node):
 
     # parameters and status
 
+    def _configuration(self, values: dict[str, Any]) -> RecorderConfig:
+        config = RecorderConfig(**values)
+        if self._root is None:  # as the operator started it
+            self._root = Path(config.output_dir).resolve()
+        check_inside(config, self._root)
+        return check_writable(config)
+
     def _busy_reason(self) -> str:
         pending = self._assembler.pending
         return f"busy: impact {pending} is being recorded" if pending else ""
@@ -323,10 +337,6 @@ class RecorderNode(Node):
         self._status.publish(
             DiagnosticStatus(level=level, name="recorder", message=message, values=values)
         )
-
-
-def _configuration(values: dict[str, Any]) -> RecorderConfig:
-    return check_writable(RecorderConfig(**values))
 
 
 def main(args: list[str] | None = None) -> int:
