@@ -26,7 +26,7 @@ from helmet_sim_ros.mcap_log.digest import setup_digest
 from helmet_sim_ros.mcap_log.writer import PART
 from helmet_sim_ros.nodes.environment import prepare_environment
 from helmet_sim_ros.resources import is_path
-from helmet_sim_ros.study.scenario import Case
+from helmet_sim_ros.study.scenario.matrix import Case
 
 #: How long the nodes may take until they answer [s]; a loaded machine needs a few.
 START_TIMEOUT = 60.0
@@ -56,7 +56,7 @@ def command(
     Exit code 0: every case was evaluated; 1: not all; 2: bad input, nothing was started.
     """
     from helmet_sim_ros.study import load_scenario
-    from helmet_sim_ros.study.overrides import parse_overrides
+    from helmet_sim_ros.study.scenario.overrides import parse_overrides
 
     console = Console(highlight=False)
     plan = load_scenario(scenario, overrides=parse_overrides(overrides))
