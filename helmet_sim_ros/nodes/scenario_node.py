@@ -31,7 +31,7 @@ from rclpy.task import Future
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from helmet_sim_ros.errors import HelmetSimError, NodeError
+from helmet_sim_ros.errors import HelmetSimError, NodeError, SetupError
 from helmet_sim_ros.mcap_log.criteria import digest_of
 from helmet_sim_ros.mcap_log.digest import SETUP_DIGEST, setup_digest
 from helmet_sim_ros.model.setup import ImpactSetup
@@ -387,8 +387,19 @@ def _failed(rows: list[dict[str, Any]]) -> int:
 
 
 def _options(values: dict[str, Any]) -> ScenarioOptions:
-    options = ScenarioOptions(**without_prefix(values, PREFIX))
-    options.load()  # refuse a bad file when it is set, not when it runs
+    try:
+        options = ScenarioOptions(**without_prefix(values, PREFIX))
+    except SetupError as error:
+        raise SetupError([p._replace(key=PREFIX + p.key) for p in error.problems]) from None
+    try:
+        options.load()  # refuse a bad file when it is set, not when it runs
+    except SetupError as error:
+        which = "file with overrides" if any(options.overrides) else "file"
+        problems = [
+            p._replace(key=PREFIX + ("file" if p.key == "scenario" else f"{which}: {p.key}"))
+            for p in error.problems
+        ]
+        raise SetupError(problems, error.source) from None
     return options
 
 
