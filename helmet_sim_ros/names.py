@@ -6,17 +6,22 @@ import unicodedata
 
 from helmet_sim_ros.errors import SetupError
 
-#: Longest name of a file that Linux takes, and longest path [byte] (limits.h).
+#: Longest name of a file that Linux takes, and longest path [byte] (limits.h, less the end mark).
 NAME_MAX = 255
-PATH_MAX = 4096
+PATH_MAX = 4095
 
 #: Unicode's control, format (directions of writing among them), surrogate, private and unassigned
 #: characters, and line and paragraph separators: what a reader cannot see or is misled by.
 _HIDDEN = ("Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp")
 
 
-def check_path(key: str, text: str) -> None:
+def check_path(key: str, text: str, longest: int = PATH_MAX) -> None:
     """Refuse a path, or any name, that a reader would not see as it is or no system takes.
+
+    Args:
+        key: what an error calls it.
+        text: the path or name.
+        longest: how many bytes it may have.
 
     Raises:
         SetupError: a hidden character, or too long; names the key and the rule.
@@ -28,25 +33,18 @@ def check_path(key: str, text: str) -> None:
                 f"must not hold control or invisible characters (U+{ord(character):04X} at "
                 f"{position})",
             )  # fmt: skip
-    if len(text.encode()) >= PATH_MAX or any(len(p.encode()) > NAME_MAX for p in text.split("/")):
+    if len(text.encode()) > longest or any(len(p.encode()) > NAME_MAX for p in text.split("/")):
         raise SetupError.of(
-            key, text, f"must be shorter than {PATH_MAX} bytes, each name at most {NAME_MAX}"
+            key, text, f"must have at most {longest} bytes, and {NAME_MAX} between two slashes"
         )
 
 
 def check_file_name(key: str, name: str, longest: int) -> None:
-    """Refuse what is no plain name of a file.
-
-    Args:
-        key: what an error calls it.
-        name: the name, without a directory.
-        longest: how many bytes it may have.
+    """Refuse what is no plain name of a file; arguments as for :func:`check_path`.
 
     Raises:
         SetupError: a directory in it, hidden, a character that nobody sees, or too long.
     """
-    check_path(key, name)
+    check_path(key, name, longest)
     if "/" in name or "\\" in name or name.startswith("."):
         raise SetupError.of(key, name, "must be a plain file name, without a directory")
-    if len(name.encode()) > longest:
-        raise SetupError.of(key, name, f"must be at most {longest} bytes long")

@@ -274,6 +274,7 @@ def test_what_the_operator_named_may_be_chosen(rig: Rig, tmp_path: Path) -> None
 def test_a_name_of_a_log_that_is_not_what_it_seems_is_refused(rig: Rig, name: str) -> None:
     """Names with a line break, a right-to-left override or 300 characters were taken; the last
     failed at every impact."""
-    for key in ("file_name", "scenario_name"):
+    plain = name in ("..", "a/b")  # a file is called otherwise than its scenario then
+    for key in ("file_name",) if plain else ("file_name", "scenario_name"):
         reason = rig.set("recorder", **{key: name})
         assert key in reason and "must" in reason and reason.isprintable()

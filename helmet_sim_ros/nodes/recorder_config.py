@@ -47,8 +47,7 @@ class RecorderConfig(Config):
         check_path("output_dir", self.output_dir)
         if self.file_name:
             check_file_name("file_name", self.file_name, LONGEST_NAME)
-        if self.scenario_name:
-            check_file_name("scenario_name", self.scenario_name, LONGEST_SCENARIO)
+        check_path("scenario_name", self.scenario_name, LONGEST_SCENARIO)
         return self
 
     @property
