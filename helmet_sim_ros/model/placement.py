@@ -13,7 +13,7 @@ from helmet_sim_ros.model.force import contact as contacts
 from helmet_sim_ros.model.force.bodies import motion_of
 from helmet_sim_ros.model.force.contact import Contact
 from helmet_sim_ros.model.setup import ImpactSetup
-from helmet_sim_ros.model.surface.shapes import Surface
+from helmet_sim_ros.model.surface.compiled import Surface
 
 LIFTS = 100  # steps along the target's normal until nothing overlaps
 OVERLAP = 1e-9  # m, that is left
@@ -44,9 +44,8 @@ def place(
     target, frame = setup.surface_config.frame
     rotation = frame @ head_in_frame(setup)
     normal = frame[:, 2]
-    # A spring at rest: posture and neck flexion are the springs' reference angles.
-    hinges = model.jnt_qposadr[model.jnt_type == int(mujoco.mjtJoint.mjJNT_HINGE)]
-    data.qpos[hinges] = model.qpos_spring[hinges]
+    # All joints at rest: posture and neck flexion are the springs' reference angles.
+    data.qpos[7:] = model.qpos_spring[7:]
     shell = setup.helmet_config.shell
     down = rotation.T @ -normal
     axes = np.array(shell.semi_axes)
