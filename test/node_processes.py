@@ -173,4 +173,7 @@ class Rig:
 
     def _heard(self, message: DiagnosticStatus) -> None:
         told = {pair.key: pair.value for pair in message.values}
-        self.status[message.name] = told | {"message": message.message}
+        level = {DiagnosticStatus.OK: "ok", DiagnosticStatus.WARN: "warn"}.get(
+            message.level, "error"
+        )
+        self.status[message.name] = told | {"message": message.message, "level": level}

@@ -28,6 +28,8 @@ from helmet_sim_ros.nodes.environment import prepare_environment
 from helmet_sim_ros.resources import is_path
 from helmet_sim_ros.study.scenario.matrix import Case
 
+#: Values of a setup that name a file or something shipped.
+FILE_VALUES = ("helmet.name", "impact.surface", "head.surface")
 #: How long the nodes may take until they answer [s]; a loaded machine needs a few.
 START_TIMEOUT = 60.0
 
@@ -68,8 +70,9 @@ def command(
 
     prepare_environment(domain_id)
     # The nodes open no file because a client names it, except these.
-    helmets = sorted({case.setup.helmet for case in plan.cases if is_path(case.setup.helmet)})
-    named = [str(Path(name).expanduser().resolve()) for name in helmets]
+    told = [case.setup.described() for case in plan.cases]
+    files = {values[name] for values in told for name in FILE_VALUES if is_path(values[name])}
+    named = sorted(str(Path(name).expanduser().resolve()) for name in files)
     paths: dict[str, Any] = {"config_paths": named} if named else {}
     parameters: dict[str, dict[str, Any]] = {
         "simulation": paths,

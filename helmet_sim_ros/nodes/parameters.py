@@ -41,6 +41,8 @@ CONFIG_PATHS = Leaf(
 
 #: Parameters that ROS itself declares on every node.
 _OF_ROS = ("use_sim_time", "start_type_description_service", "qos_overrides")
+#: How much text is read as a list, in characters.
+LONGEST_LIST = 1000
 #: Values that stay as they were at the start.
 _FIXED = (CONFIG_PATHS.name,)
 _UNSET_WORDS = ("", "none", "null", "unset")
@@ -121,7 +123,9 @@ class Parameters(Generic[T]):
         own = {p.name: p.value for p in parameters if p.name in self._leaves}
         others = [p for p in parameters if p.name not in own]
         changes = {name: coerced(self._leaves[name], value) for name, value in own.items()}
-        with suppress(Exception):  # refused in _check, where a reason can be given
+        # Whatever is wrong is refused in _check, which gives a reason: what is raised here would
+        # leave the client without any answer.
+        with suppress(Exception):
             changes = self._expand(changes, self._values)
         return others + [_parameter(name, value) for name, value in changes.items()]
 
@@ -139,10 +143,12 @@ class Parameters(Generic[T]):
                 values = self._values | changes
                 self._next = values, self._build(values)
         except HelmetSimError as error:
-            return SetParametersResult(successful=False, reason=str(error))
+            reason = str(error)
+            if not any(p.name in reason for p in parameters):  # a value that was there before
+                reason = f"{_shown(changes)} does not go with {reason}"
+            return SetParametersResult(successful=False, reason=reason)
         except Exception as error:
-            names = ", ".join(sorted(changes))
-            reason = f"{names}: unexpected {type(error).__name__}: {error}"
+            reason = f"{_shown(changes)}: unexpected {type(error).__name__}: {error}"
             return SetParametersResult(successful=False, reason=reason)
         return SetParametersResult(successful=True)
 
@@ -157,6 +163,10 @@ class Parameters(Generic[T]):
             self._declare(name)
         if not missing:
             self._changed()
+
+
+def _shown(changes: Values) -> str:
+    return ", ".join(f"{name} = {value!r:.40}" for name, value in sorted(changes.items()))
 
 
 def described(leaf: Leaf) -> ParameterDescriptor:
@@ -206,8 +216,8 @@ def coerced(leaf: Leaf, value: Any) -> Any:
 def _vector(leaf: Leaf, value: Any) -> Any:
     if isinstance(value, str):  # the command line takes [1, 0.5] for text
         try:
-            value = yaml.safe_load(value)
-        except yaml.YAMLError:
+            value = yaml.safe_load(value[:LONGEST_LIST])
+        except (yaml.YAMLError, ValueError, RecursionError):
             return value
     numbers = (int, float)
     if leaf.length and isinstance(value, list | tuple) and all(type(v) in numbers for v in value):
