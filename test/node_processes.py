@@ -61,7 +61,7 @@ class Rig:
                 self.start(name)
             if "simulation" in self._nodes:
                 readers = str(len({"evaluator", "recorder"} & set(self._nodes)))
-                self.until(lambda: self.status.get("simulation", {}).get("readers") == readers)
+                self.until(lambda: self.status.get("simulation", {}).get("readers") == readers, 300)
         except BaseException:
             self.__exit__(None, None, None)
             raise
@@ -121,6 +121,12 @@ class Rig:
             assert time.monotonic() < deadline, "waited in vain"
             self._executor.spin_once(timeout_sec=0.02)
         return found
+
+    def serve(self, seconds: float) -> None:
+        """Serve callbacks for some time."""
+        deadline = time.monotonic() + seconds
+        while (left := deadline - time.monotonic()) > 0:
+            self._executor.spin_once(timeout_sec=left)
 
     def ask(self, service: str, request: Any = None) -> Any:
         """Begin a service call; the future of its answer."""

@@ -15,59 +15,17 @@ import pytest
 
 pytest.importorskip("rclpy", reason="no ROS 2 Python client is installed")
 
-from rclpy.serialization import serialize_message
+from impacts import Impacts, session
 
-from helmet_sim_ros.biomech.evaluation import evaluate
 from helmet_sim_ros.biomech.record import same_samples
 from helmet_sim_ros.errors import LogError
 from helmet_sim_ros.mcap_log import open_log, writer
-from helmet_sim_ros.mcap_log.blocks import Assembled, Block
-from helmet_sim_ros.mcap_log.digest import setup_digest
 from helmet_sim_ros.mcap_log.recover import recover
-from helmet_sim_ros.model.impact import Impact
-from helmet_sim_ros.model.setup import ImpactSetup
-from helmet_sim_ros.nodes import samples
-from helmet_sim_ros.nodes.diagnostics import from_evaluation
-from helmet_sim_ros.nodes.log_session import LogSession
-from helmet_sim_ros.nodes.recorder_config import RecorderConfig
-
-SETUP = ImpactSetup(rig="headform", duration=1e-3, time_step=1e-4)
-#: From the start of one impact to that of the next [s].
-SPACING = 0.1
-
-
-class Impacts:
-    """Impacts as they arrive at a recorder, one like the other."""
-
-    def __init__(self) -> None:
-        impact = Impact(SETUP)
-        impact.advance(impact.total)
-        described = SETUP.described()
-        self.digest = setup_digest(described)
-        self.record, self.evaluation = impact.record(), evaluate(impact.record())
-        self._impact, self._described = impact, described
-
-    def write(self, session: LogSession, number: int) -> None:
-        """One impact with its criteria into a log; it is on disk when this returns."""
-        name, start, total = f"test-{number}", 1.0 + number * SPACING, self._impact.total
-        block = Block(
-            name, 0, total, start, tuple(self._impact.labels), self._impact.block(0, total),
-            setup=self._described, setup_digest=self.digest, model=self._impact.model_xml(),
-        )  # fmt: skip
-        session.add(block, serialize_message(samples.to_message(block)))
-        session.end_impact(Assembled(name, start, total, self.record))
-        time_ns = round((start + float(self.record.time[-1])) * 1e9)
-        criteria = from_evaluation(self.evaluation, name, time_ns, self.digest)
-        session.add_criteria(time_ns, serialize_message(criteria))
 
 
 @pytest.fixture(scope="module")
 def impacts() -> Impacts:
     return Impacts()
-
-
-def session(path: Path) -> LogSession:
-    return LogSession(path, RecorderConfig(), lambda topic: "/" + topic.lstrip("/"))
 
 
 class Killer:

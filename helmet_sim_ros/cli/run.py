@@ -30,8 +30,9 @@ from helmet_sim_ros.study.scenario.matrix import Case
 
 #: Values of a setup that name a file or something shipped.
 FILE_VALUES = ("helmet.name", "impact.surface", "head.surface")
-#: How long the nodes may take until they answer [s]; a loaded machine needs a few.
-START_TIMEOUT = 60.0
+#: How long the nodes may take until they answer [s]; a loaded machine needs a few, and the very
+#: first start compiles.
+START_TIMEOUT = 180.0
 
 
 @click.command()

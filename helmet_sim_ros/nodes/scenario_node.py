@@ -44,8 +44,8 @@ from helmet_sim_ros.schema import Config, leaves, quantity
 from helmet_sim_ros.study.scenario.matrix import Case, Scenario, load_scenario
 from helmet_sim_ros.study.scenario.overrides import parse_overrides
 
-#: How long the other nodes may take to appear [s].
-START_TIMEOUT = 30.0
+#: How long the other nodes may take to appear [s]; the simulation compiles when it is first used.
+START_TIMEOUT = 180.0
 #: How long short questions (parameters, the end of a log) may take [s].
 ANSWER_TIMEOUT = 10.0
 #: How often a wait looks whether the node it waits for is still there [s].
