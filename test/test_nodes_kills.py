@@ -42,7 +42,7 @@ def test_what_the_status_told_is_there_after_a_kill_at_a_random_instant(tmp_path
             rig.start("recorder", output_dir=folder, max_impacts=2)
             rig.until(lambda: "recorder" in rig.status)
             on_disk: set[str] = set()
-            left = rng.randint(3, 60)
+            left = rng.randint(5, 100)
             while left or not on_disk - {""}:
                 number += 1
                 sender.publish(impacts.message(number))

@@ -75,7 +75,7 @@ def parse_block(header: str, labels: str, data: Sequence[float] | FloatArray) ->
         float(block.start_time)
         if block.setup_digest is not None and block.setup_digest != setup_digest(block.setup or {}):
             raise ValueError("the setup is not the one of its digest")
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, RecursionError) as error:
         raise IncompleteError(f"not a block of samples: {error}") from None
     return block
 
