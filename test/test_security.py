@@ -22,7 +22,7 @@ pytest.importorskip("rclpy", reason="no ROS 2 Python client is installed")
 DOMAIN = claim_domain()
 STUDY = """
 common: {impact.rig: headform, sim.duration: 0.04}
-draw: {count: 4000, values: {impact.normal_velocity: {uniform: [3.0, 8.0]}}}
+draw: {count: 4096, values: {impact.normal_velocity: {uniform: [3.0, 8.0]}}}
 """
 
 
