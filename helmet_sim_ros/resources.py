@@ -35,13 +35,26 @@ def find_config(kind: str, name_or_path: str, key: str, suffix: str = ".yaml") -
         SetupError: no such name (the known names are listed), or no such file.
     """
     if "/" in name_or_path or name_or_path.endswith(suffix):
-        path = Path(name_or_path).expanduser()
-        if not path.is_file():
+        if not (path := _expanded(name_or_path)) or not _is_file(path):
             raise SetupError.of(key, name_or_path, "no such file")
         return path
     folder = share_directory() / "config" / kind
     path = folder / f"{name_or_path}{suffix}"
-    if not path.is_file():
+    if not _is_file(path):
         known = ", ".join(sorted(p.stem for p in folder.glob(f"*{suffix}")))
         raise SetupError.of(key, name_or_path, f"must be one of {known}, or a path to a {suffix}")
     return path
+
+
+def _expanded(text: str) -> Path | None:
+    try:
+        return Path(text).expanduser()
+    except RuntimeError:  # the home of nobody
+        return None
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError):  # too long for a name, or with a zero in it
+        return False

@@ -72,7 +72,9 @@ class Config(BaseModel):
             SetupError: not a mapping, or a refused value; names ``source``.
         """
         if not isinstance(data, Mapping):
-            raise SetupError.of("(document)", data, "must be a mapping of keys to values", source)
+            # Its type, never what is in it: it may be any file of this machine.
+            found = type(data)
+            raise SetupError.of("(document)", found, "must be a mapping of keys to values", source)
         wrong = [key for key in data if not isinstance(key, str)]
         if wrong:
             raise SetupError.of(str(wrong[0]), data[wrong[0]], "a key must be text", source)
