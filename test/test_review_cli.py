@@ -109,7 +109,7 @@ def test_another_model_under_the_same_name_is_an_error(path, tmp_path):
     changed = tmp_path / "changed.mcap"
     data = path.read_bytes()
     with open(path, "rb") as stream:
-        (index,) = make_reader(stream).get_summary().attachment_indexes
+        index, *_ = make_reader(stream).get_summary().attachment_indexes
     begin, end = index.offset + 9, index.offset + index.length - 4
     content = data[begin:end].replace(b"<mujoco", b"<Mujoco")
     crc = zlib.crc32(content).to_bytes(4, "little")
