@@ -38,6 +38,9 @@ class _Loader(_Base):  # type: ignore[misc]
                 raise _refused(f"key {key.value!r:.80} is given twice", key.start_mark)
             seen.add(key.value)
         found: dict[Any, Any] = super().construct_mapping(node, deep)
+        for key in found:
+            if not isinstance(key, str):
+                raise _refused(f"key {key!r:.80} must be text (quote it)", node.start_mark)
         return found
 
     def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:

@@ -58,13 +58,20 @@ class LoggedImpact:
 
     @property
     def model(self) -> str | None:
-        """The compiled model as MJCF text, None where the log has none."""
+        """The compiled model as MJCF text, None where the log has none.
+
+        Raises:
+            LogError: its attachment is damaged, and so are the samples that it came with.
+        """
         return self._model[0]
 
     @property
     def model_problem(self) -> str:
         """Why the logged model is not the one that its name says; empty if it is."""
-        return self._model[1]
+        try:
+            return self._model[1]
+        except LogError as error:
+            return str(error)
 
     @cached_property
     def model_hash(self) -> str:

@@ -114,13 +114,12 @@ def read_record(stream: IO[bytes], offset: int, opcode: int, length: int | None 
     return content
 
 
-def read_chunk(stream: IO[bytes], offset: int, length: int | None = None) -> tuple[Chunk, bytes]:
+def read_chunk(
+    stream: IO[bytes], offset: int, length: int | None = None, bare: bool = True
+) -> tuple[Chunk, bytes]:
     """The chunk at an offset of the file, and its content; its checksum is verified.
 
-    Args:
-        stream: the file.
-        offset: where the chunk begins.
-        length: what the index says of its length, prefix included; None: not known.
+    Args: as for :func:`read_attachment`.
     """
     content = read_record(stream, offset, Opcode.CHUNK, length)
     try:
@@ -129,7 +128,7 @@ def read_chunk(stream: IO[bytes], offset: int, length: int | None = None) -> tup
         crc = zlib.crc32(data)
         if read != len(content) or len(data) != chunk.uncompressed_size:
             raise ValueError("it contradicts itself")
-        if chunk.uncompressed_crc not in (0, crc):
+        if chunk.uncompressed_crc != crc and not (bare and chunk.uncompressed_crc == 0):
             raise ValueError("its checksum is wrong")
     except Exception as error:  # each compression library has errors of its own
         raise McapError(f"the chunk at offset {offset} cannot be unpacked ({error})") from error
@@ -145,12 +144,22 @@ def read_metadata(stream: IO[bytes], offset: int, length: int | None = None) -> 
     return record
 
 
-def read_attachment(stream: IO[bytes], offset: int, length: int | None = None) -> Attachment:
-    """The attachment at an offset of the file; its checksum is verified."""
+def read_attachment(
+    stream: IO[bytes], offset: int, length: int | None = None, bare: bool = True
+) -> Attachment:
+    """The attachment at an offset of the file; its checksum is verified.
+
+    Args:
+        stream: the file.
+        offset: where it begins.
+        length: what the index says of its length, prefix included; None: not known.
+        bare: whether it may be without a checksum, as other writers leave it.
+    """
     content = read_record(stream, offset, Opcode.ATTACHMENT, length)
     record, read = _parsed(Attachment, content)
     (crc,) = struct.unpack("<I", content[-4:])
-    if read != len(content) or crc not in (0, zlib.crc32(content[:-4])):
+    right = crc == zlib.crc32(content[:-4]) or (bare and crc == 0)
+    if read != len(content) or not right:
         raise McapError(f"the checksum of the attachment at offset {offset} is wrong")
     return record
 

@@ -87,20 +87,22 @@ class _Plan:
     """What of a damaged file to keep.
 
     Attributes:
-        complete: ids of the complete impacts, in the order of the file.
+        complete: ids of the complete impacts, and the number of the record that completes each.
         last: number of the record that completes the last one; later ones belong to what is lost.
-        noted: impacts that have a sound metadata record, and whether it says that they are
-            complete.
+        notes: the values of the sound metadata record of each impact that has one.
         judged: impacts that have criteria.
+        attached, described: names of the sound attachments and metadata records.
         recorded: whether the recorder wrote this file, so that impacts have metadata records.
         samples, criteria: ids of their channels.
         lost: what is lost, in words.
     """
 
-    complete: dict[str, None] = field(default_factory=dict)
+    complete: dict[str, int] = field(default_factory=dict)
     last: int = -1
-    noted: dict[str, bool] = field(default_factory=dict)
+    notes: dict[str, dict[str, str]] = field(default_factory=dict)
     judged: set[str] = field(default_factory=set)
+    attached: set[str] = field(default_factory=set)
+    described: set[str] = field(default_factory=set)
     recorded: bool = False
     samples: set[int] = field(default_factory=set)
     criteria: set[int] = field(default_factory=set)
@@ -130,11 +132,13 @@ def _plan(stream: IO[bytes], path: Path) -> _Plan:
             plan.samples = set(decoder.channels(SAMPLES_TOPIC, SAMPLES_TYPE))
             plan.criteria = set(decoder.channels(CRITERIA_TOPIC, CRITERIA_TYPE))
             plan.recorded |= FORMAT_KEY in record.metadata
+        elif isinstance(record, Attachment):
+            plan.attached.add(record.name)
         elif isinstance(record, Metadata):
+            plan.described.add(record.name)
             plan.recorded |= record.name == RUN
             if record.name.startswith(IMPACT):
-                complete = record.metadata.get("complete") == "true"
-                plan.noted[record.name.removeprefix(IMPACT)] = complete
+                plan.notes[record.name.removeprefix(IMPACT)] = record.metadata
         elif isinstance(record, Message) and record.channel_id in plan.samples:
             block = _block(decoder, record, path)
             assembler = assemblers.setdefault(record.channel_id, Assembler())
@@ -142,7 +146,7 @@ def _plan(stream: IO[bytes], path: Path) -> _Plan:
                 if done.record is None:
                     plan.lost.append(done.problem)
                 else:
-                    plan.complete[done.impact_id] = None
+                    plan.complete.setdefault(done.impact_id, number)
                     plan.last = number
         elif isinstance(record, Message) and record.channel_id in plan.criteria:
             plan.judged.add(_judged(decoder, record))
@@ -163,13 +167,21 @@ def _missing(plan: _Plan, sound: Salvage, verdicts: int) -> list[str]:
     """What is not there, by what the sound records and the index tell of."""
     lost = [
         f"impact {impact_id}: its samples are damaged"
-        for impact_id, complete in plan.noted.items()
-        if complete and impact_id not in plan.complete
+        for impact_id, values in plan.notes.items()
+        if values.get("complete") == "true" and impact_id not in plan.complete
     ]
     if sound.summary is not None:
-        told = [i.name.removeprefix(IMPACT) for i in sound.summary.metadata_indexes
-                if i.name.startswith(IMPACT)]  # fmt: skip
-        lost += [f"impact {i}: it is damaged" for i in told if i not in plan.complete | plan.noted]
+        indexed = dict.fromkeys(index.name for index in sound.summary.metadata_indexes)
+        for name in indexed:
+            if name in plan.described:
+                continue
+            impact_id = name.removeprefix(IMPACT)
+            if name == impact_id:
+                lost.append(f"metadata {name}")
+            elif impact_id not in plan.complete:
+                lost.append(f"impact {impact_id}: it is damaged")
+        names = {index.name: None for index in sound.summary.attachment_indexes}
+        lost += [f"attachment {name}" for name in names if name not in plan.attached]
         counts = sound.summary.statistics
         logged = counts and sum(counts.channel_message_counts.get(c, 0) for c in plan.criteria)
         if logged == verdicts:
@@ -203,7 +215,7 @@ def _copy(stream: IO[bytes], plan: _Plan, target: Path) -> None:
             writer = Writer(output, compression=CompressionType.ZSTD, enable_data_crcs=True)
             copier = _Copier(writer, plan, unfinished)
             for number, record in enumerate(Salvage(stream)):
-                copier.add(record, number <= plan.last)
+                copier.add(record, number)
             copier.add_metadata(RECOVERED, {"lost": json.dumps(plan.lost)})
             writer.finish()  # type: ignore[no-untyped-call]
             output.flush()
@@ -232,9 +244,9 @@ class _Copier:
         self._end = 0
         self._sealed = self._started = False
 
-    def add(self, record: Any, keep: bool) -> None:
-        """Write a record; of those not to be kept, only what belongs to a complete impact."""
-        writer = self._writer
+    def add(self, record: Any, number: int) -> None:
+        """Write a record; behind the last complete impact only what belongs to a complete one."""
+        writer, keep = self._writer, number <= self._plan.last
         if not self._started:  # without a sound header, as what the recorder writes
             self._started = True
             header = record if isinstance(record, Header) else Header("ros2", "")
@@ -251,13 +263,7 @@ class _Copier:
                 record.metadata,
             )  # fmt: skip
         elif isinstance(record, Message) and (keep or self._judges_complete(record)):
-            self._end = max(self._end, record.log_time)
-            writer.add_message(
-                self._channels[record.channel_id], record.log_time, record.data,
-                record.publish_time, record.sequence,
-            )  # fmt: skip
-            if record.channel_id in self._plan.samples:
-                self._note_after(_block(self._decoder, record, self._path))
+            self._copy_message(record, number)
         elif isinstance(record, Attachment) and record.name not in self._attached:
             self._attached.add(record.name)
             writer.add_attachment(
@@ -271,60 +277,58 @@ class _Copier:
         self._writer.flush()  # type: ignore[no-untyped-call]
         self._writer.add_metadata(name, sealed(name, values) if self._sealed else values)
 
+    def _copy_message(self, record: Message, number: int) -> None:
+        self._end = max(self._end, record.log_time)
+        self._writer.add_message(
+            self._channels[record.channel_id], record.log_time, record.data, record.publish_time,
+            record.sequence,
+        )  # fmt: skip
+        if record.channel_id in self._plan.samples:
+            block = _block(self._decoder, record, self._path)
+            if block.first == 0:
+                self._first = block
+            if self._plan.complete.get(block.impact_id) == number:
+                self._note(block.impact_id)
+
     def _copy_metadata(self, record: Metadata, keep: bool) -> None:
-        impact = record.name.removeprefix(IMPACT)
-        values = dict(record.metadata)
+        """Copy what is not about a complete impact: that is written behind its samples."""
+        impact, values = record.name.removeprefix(IMPACT), dict(record.metadata)
         if record.name != impact:
-            if impact in self._noted:
+            if impact in self._plan.complete or impact in self._noted or not keep:
                 return
-            if impact in self._plan.complete:
-                self._attach_model(values.get("model", ""), impact)
-            elif not keep:
-                return
-            elif values.get("complete") == "true":  # it was, but samples of it are damaged
+            self._noted.add(impact)
+            if values.get("complete") == "true":  # it was, but samples of it are damaged
                 values |= {
                     "complete": "false",
                     "problem": f"impact {impact}: its samples are damaged",
                 }
-            self._noted.add(impact)
         self.add_metadata(record.name, values)
 
-    def _note_after(self, block: Block) -> None:
-        """Behind the last block of a complete impact: its metadata, if there is no sound one."""
-        if block.first == 0:
-            self._first = block
-        first, plan = self._first, self._plan
-        ends = block.first + len(block.data) == block.total
-        if first is None or not ends or first.impact_id != block.impact_id:
-            return
-        impact = block.impact_id
-        missing = plan.recorded and impact in plan.complete and impact not in plan.noted
-        if not missing or impact in self._noted:
-            return
-        self._noted.add(impact)
-        values = {
-            "start_time": repr(first.start_time),
-            "samples": str(first.total),
-            "complete": "true",
-            "problem": "",
-            "setup": json.dumps(first.setup),
-        }
-        if first.model is not None:
-            digest = hashlib.sha256(first.model.encode()).hexdigest()[:12]
-            values["model"] = f"model_{digest}.xml"
-            self._attach_model(values["model"], impact)
-        self.add_metadata(IMPACT + impact, values)
-
-    def _attach_model(self, name: str, impact: str) -> None:
-        """Attach the model of an impact from its samples, if its own attachment is damaged."""
-        first = self._first
-        if not name or name in self._attached or first is None or first.impact_id != impact:
-            return
-        if first.model is not None:
+    def _note(self, impact: str) -> None:
+        """Write the metadata of a complete impact: its own, or made from its samples."""
+        first, values = self._first, self._plan.notes.get(impact)
+        if first is None or first.impact_id != impact:
+            return  # cannot be: the record that completes it follows its first block
+        if values is None:
+            if not self._plan.recorded:
+                return
+            values = {
+                "start_time": repr(first.start_time),
+                "samples": str(first.total),
+                "complete": "true",
+                "problem": "",
+                "setup": json.dumps(first.setup),
+            }
+            if first.model is not None:
+                digest = hashlib.sha256(first.model.encode()).hexdigest()[:12]
+                values["model"] = f"model_{digest}.xml"
+        name = values.get("model")
+        if name and first.model is not None and name not in self._plan.attached | self._attached:
             self._attached.add(name)
             self._writer.add_attachment(
                 self._end, self._end, name, "application/xml", first.model.encode()
             )
+        self.add_metadata(IMPACT + impact, values)
 
     def _judges_complete(self, record: Message) -> bool:
         """Whether a message holds the criteria of a complete impact."""

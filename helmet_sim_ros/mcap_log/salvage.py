@@ -32,7 +32,7 @@ from helmet_sim_ros.mcap_log.summary import DATA_END, checksum, read_index
 
 #: How a chunk, a metadata record and an attachment of a log begin: where to go on after damage.
 _LANDMARK = re.compile(
-    rb"\x06.{8}.{24}\x04\0\0\0zstd|\x0c.{7}\0.\0\0\0(?:impact/|run)|"
+    rb"\x06.{7}\0.{28}\x04\0\0\0zstd|\x0c.{7}\0.\0\0\0(?:impact/|run)|"
     rb"\x09.{7}\0.{16}.\0\0\0(?:model_|scenario)",
     re.DOTALL,
 )
@@ -112,9 +112,7 @@ class Salvage:
 
     def _records(self, offset: int, opcode: int) -> Iterator[Any]:
         if opcode == Opcode.CHUNK:
-            chunk, data = read_chunk(self._stream, offset)
-            if self._format > 1 and data and not chunk.uncompressed_crc:
-                raise ValueError("a chunk without its checksum")
+            _, data = read_chunk(self._stream, offset, bare=self._format == 1)
             for kind, begin, end in records_of(data):
                 yield from self._parsed(kind, data[begin:end])
         elif opcode == Opcode.METADATA:
@@ -126,7 +124,7 @@ class Salvage:
                 check_impact_id(record.name.removeprefix(IMPACT))
             yield Metadata(record.name, values)
         elif opcode == Opcode.ATTACHMENT:
-            yield read_attachment(self._stream, offset)
+            yield read_attachment(self._stream, offset, bare=self._format == 1)
         else:
             yield from self._parsed(opcode, read_record(self._stream, offset, opcode))
 
@@ -135,7 +133,11 @@ class Salvage:
             channel, sequence, log_time, publish_time = MESSAGE.unpack_from(content)
             yield Message(channel, log_time, content[MESSAGE.size :], publish_time, sequence)
         elif kind := _DATA.get(opcode):
-            yield self._noticed(kind.read(ReadDataStream(BytesIO(content))))
+            stream = ReadDataStream(BytesIO(content))
+            found = kind.read(stream)
+            if stream.count != len(content):
+                raise ValueError("longer than what is in it")
+            yield self._noticed(found)
 
     def _noticed(self, record: Any) -> Any:
         if isinstance(record, Channel):

@@ -119,7 +119,7 @@ class McapSource:
 
     def _attached(self, index: AttachmentIndex) -> str:
         with self._stream() as stream:
-            record = read_attachment(stream, index.offset, index.length)
+            record = read_attachment(stream, index.offset, index.length, bare=self.format == 1)
             if (record.name, len(record.data)) != (index.name, index.data_size):
                 raise McapError(f"the attachment {index.name} is not what the index says")
             return record.data.decode("utf-8", "replace")
@@ -164,9 +164,8 @@ class McapSource:
     def _chunk_messages(
         self, stream: IO[bytes], index: ChunkIndex, wanted: frozenset[int]
     ) -> Iterator[tuple[int, int, bytes]]:
-        chunk, data = read_chunk(stream, index.chunk_start_offset, index.chunk_length)
-        if self.format > 1 and data and not chunk.uncompressed_crc:
-            raise McapError(f"the chunk at offset {index.chunk_start_offset} has no checksum")
+        bare = self.format == 1
+        _, data = read_chunk(stream, index.chunk_start_offset, index.chunk_length, bare)
         for opcode, begin, end in records_of(data):
             if opcode == Opcode.MESSAGE:
                 channel, _, time, _ = MESSAGE.unpack_from(data, begin)
