@@ -110,9 +110,8 @@ def _other_number(text: str, rng: random.Random) -> str:
 
 def _other_character(text: str, rng: random.Random) -> str:
     at = rng.randrange(len(text) + 1)
-    new = rng.choice(
-        list(":-[]{},&*!|>'\"%@`#?\t\n \0\x85\ufeff\udcff") + [chr(rng.randrange(128))]
-    )
+    odd = ":-[]{},&*!|>'\"%@`#?\t\n \0\x85\ufeff\udcff"
+    new = rng.choice([*odd, chr(rng.randrange(128))])
     return text[:at] + new + text[at + rng.randrange(2) :]
 
 

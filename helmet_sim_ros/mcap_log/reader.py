@@ -13,7 +13,7 @@ from helmet_sim_ros.biomech.record import ImpactRecord
 from helmet_sim_ros.biomech.result import Evaluation
 from helmet_sim_ros.errors import LogError
 from helmet_sim_ros.mcap_log.index import Entry, ImpactIndex, clock_warnings, parsed_setup
-from helmet_sim_ros.mcap_log.layout import FORMAT_VERSION, IMPACT, RUN
+from helmet_sim_ros.mcap_log.layout import FORMAT_VERSION, IMPACT, RECOVERED, RUN
 from helmet_sim_ros.mcap_log.source import McapSource
 
 if TYPE_CHECKING:
@@ -224,6 +224,9 @@ class ImpactLog:
         """What in this file could have changed without being noticed."""
         if not self._source.checked:
             yield "no checksum covers the index of this file: damage to it may stay unnoticed"
+        if RECOVERED in self._indexed:
+            lost = self._source.metadata(self._indexed[RECOVERED]).get("lost", "")
+            yield f"recovered from a damaged or unfinished log; lost: {lost}"
         if self._source.format == 1 and RUN in self._indexed:
             yield (
                 "log format 1: no checksum covers run, setups and start times; a setup is compared "

@@ -92,6 +92,7 @@ class _Plan:
         notes: the values of the sound metadata record of each impact that has one.
         judged: impacts that have criteria.
         attached, described: names of the sound attachments and metadata records.
+        sealed: whether its metadata has seals.
         recorded: whether the recorder wrote this file, so that impacts have metadata records.
         samples, criteria: ids of their channels.
         lost: what is lost, in words.
@@ -103,6 +104,7 @@ class _Plan:
     judged: set[str] = field(default_factory=set)
     attached: set[str] = field(default_factory=set)
     described: set[str] = field(default_factory=set)
+    sealed: bool = False
     recorded: bool = False
     samples: set[int] = field(default_factory=set)
     criteria: set[int] = field(default_factory=set)
@@ -131,7 +133,7 @@ def _plan(stream: IO[bytes], path: Path) -> _Plan:
             known.channels[record.id] = record
             plan.samples = set(decoder.channels(SAMPLES_TOPIC, SAMPLES_TYPE))
             plan.criteria = set(decoder.channels(CRITERIA_TOPIC, CRITERIA_TYPE))
-            plan.recorded |= FORMAT_KEY in record.metadata
+            plan.sealed |= FORMAT_KEY in record.metadata
         elif isinstance(record, Attachment):
             plan.attached.add(record.name)
         elif isinstance(record, Metadata):
@@ -242,7 +244,7 @@ class _Copier:
         self._noted: set[str] = set()
         self._first: Block | None = None
         self._end = 0
-        self._sealed = self._started = False
+        self._started = False
 
     def add(self, record: Any, number: int) -> None:
         """Write a record; behind the last complete impact only what belongs to a complete one."""
@@ -257,7 +259,6 @@ class _Copier:
             self._schemas[record.id] = new
         elif isinstance(record, Channel) and record.id not in self._channels:
             self._known.channels[record.id] = record
-            self._sealed |= FORMAT_KEY in record.metadata
             self._channels[record.id] = writer.register_channel(
                 record.topic, record.message_encoding, self._schemas[record.schema_id],
                 record.metadata,
@@ -275,7 +276,7 @@ class _Copier:
     def add_metadata(self, name: str, values: dict[str, str]) -> None:
         """Write a metadata record behind everything so far, sealed in a log that has seals."""
         self._writer.flush()  # type: ignore[no-untyped-call]
-        self._writer.add_metadata(name, sealed(name, values) if self._sealed else values)
+        self._writer.add_metadata(name, sealed(name, values) if self._plan.sealed else values)
 
     def _copy_message(self, record: Message, number: int) -> None:
         self._end = max(self._end, record.log_time)
@@ -310,7 +311,7 @@ class _Copier:
         if first is None or first.impact_id != impact:
             return  # cannot be: the record that completes it follows its first block
         if values is None:
-            if not self._plan.recorded:
+            if not (self._plan.recorded or self._plan.sealed):
                 return
             values = {
                 "start_time": repr(first.start_time),

@@ -61,7 +61,7 @@ class Salvage:
     def __init__(self, stream: IO[bytes]) -> None:
         self._stream = stream
         self._size = stream.seek(0, 2)
-        self._format = 1
+        self._format: int | None = None
         self.problems: list[str] = []
         self.summary: Summary | None = None
         self._end: int | None = None
@@ -69,16 +69,23 @@ class Salvage:
             index = read_index(stream)
             if index.checked:
                 self.summary, self._end = index.summary, index.data_end
+                self._format = max(map(_format, index.summary.channels.values()), default=None)
         except BROKEN:
             pass
 
     def __iter__(self) -> Iterator[Any]:
         """Records of :mod:`mcap.records`; those of the index first, where there is a sound one."""
+        if self._format is None:  # what stands before the first channel is checked by it too
+            self._format = next(
+                (_format(record) for record in self._walk() if isinstance(record, Channel)), 1
+            )
         self.problems = []
         if self.summary is not None:
             yield from self.summary.schemas.values()
-            for channel in self.summary.channels.values():
-                yield self._noticed(channel)
+            yield from self.summary.channels.values()
+        yield from self._walk()
+
+    def _walk(self) -> Iterator[Any]:
         offset: int | None = len(MAGIC)
         while offset is not None:
             try:
@@ -118,7 +125,7 @@ class Salvage:
         elif opcode == Opcode.METADATA:
             record = read_metadata(self._stream, offset)
             values = record.metadata
-            if self._format > 1:
+            if self._format is None or self._format > 1:
                 values = unsealed(record.name, values)
             if record.name.startswith(IMPACT):
                 check_impact_id(record.name.removeprefix(IMPACT))
@@ -137,13 +144,7 @@ class Salvage:
             found = kind.read(stream)
             if stream.count != len(content):
                 raise ValueError("longer than what is in it")
-            yield self._noticed(found)
-
-    def _noticed(self, record: Any) -> Any:
-        if isinstance(record, Channel):
-            text = record.metadata.get(FORMAT_KEY, "1")
-            self._format = max(self._format, int(text) if text.isdecimal() else 1)
-        return record
+            yield found
 
     def _past(self, offset: int, error: BaseException) -> int | None:
         """Where the next sound record is, after damage at ``offset``."""
@@ -213,3 +214,8 @@ class Salvage:
             self.problems.append("the checksum over all of the file is wrong")
         if self.summary is None:
             self.problems.append("the index at the end of the file is damaged")
+
+
+def _format(channel: Channel) -> int:
+    text = channel.metadata.get(FORMAT_KEY, "1")
+    return int(text) if text.isdecimal() and len(text) < 7 else 1
