@@ -96,7 +96,7 @@ setup(
     maintainer_email=MANIFEST.find("maintainer").get("email"),
     python_requires=">=3.11",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
-    package_data={NAME: ["py.typed", "report/assets/*"]},
+    package_data={"": ["*.pyi"], NAME: ["py.typed", "report/assets/*"]},
     zip_safe=False,
     install_requires=[
         "annotated-types",

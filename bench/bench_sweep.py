@@ -25,11 +25,11 @@ import psutil
 
 from helmet_sim_ros import ImpactSetup, evaluate, simulate
 from helmet_sim_ros.model.impact import Impact
-from helmet_sim_ros.study import engine as engines
 from helmet_sim_ros.study import sweep
-from helmet_sim_ros.study.engine import Chunk, Engine, open_engine
-from helmet_sim_ros.study.study import Study, StudyFile, build_study
-from helmet_sim_ros.study.worker import Job, run_chunk
+from helmet_sim_ros.study.sweeps import engine as engines
+from helmet_sim_ros.study.sweeps.engine import Chunk, Engine, open_engine
+from helmet_sim_ros.study.sweeps.study import Study, StudyFile, build_study
+from helmet_sim_ros.study.sweeps.worker import Job, run_chunk
 
 IMPACTS = 1000
 ROUNDS = 9
@@ -151,14 +151,14 @@ def workers() -> None:
                   f"{quotient:.2f}")  # fmt: skip
 
 
-def _clustered(workers: int, chunks: list[Chunk]) -> tuple[float, float]:
+def _clustered(workers: int, chunks: list[Chunk[int]]) -> tuple[float, float]:
     """:func:`wall` of all chunks on a local cluster that is ready to go."""
     with open_engine(workers) as engine:
         run_all(engine, [Chunk(i, chunks[0].setups[:20]) for i in range(2 * workers)])
         return wall(lambda: run_all(engine, chunks))
 
 
-def run_all(engine: Engine, chunks: list[Chunk]) -> None:
+def run_all(engine: Engine, chunks: list[Chunk[int]]) -> None:
     """Compute all chunks."""
     for _ in engine.run(JOB, chunks):
         pass
@@ -213,7 +213,7 @@ def _pid() -> int:
 
 def client() -> None:
     """What one client and one scheduler can keep up with, and how large results get."""
-    from helmet_sim_ros.study.store import ResultStore
+    from helmet_sim_ros.study.sweeps.results import ResultStore
 
     start = time.process_time()
     plan = study(LONG_RUN * 10, "spring")

@@ -16,8 +16,8 @@ from logs import write_log
 
 from helmet_sim_ros import ImpactSetup, evaluate, open_log, simulate
 from helmet_sim_ros.cli import main
-from helmet_sim_ros.report.compare import Change, paired
-from helmet_sim_ros.report.figures import paper_figures
+from helmet_sim_ros.report.figures.paper import paper_figures
+from helmet_sim_ros.report.review.compare import Change, paired
 
 SETUPS = [
     ImpactSetup(duration=0.012, normal_velocity=v, tangential_velocity=5.0, time_step=1e-4)

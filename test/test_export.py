@@ -21,7 +21,7 @@ from helmet_sim_ros import ImpactSetup, evaluate, open_log
 from helmet_sim_ros.biomech.filters import cfc
 from helmet_sim_ros.biomech.record import block_labels, to_block
 from helmet_sim_ros.cli import main
-from helmet_sim_ros.report.isomme import head_channels, j211
+from helmet_sim_ros.report.export.isomme import head_channels, j211
 
 SETUPS = [
     ImpactSetup(duration=0.015, normal_velocity=5.0, tangential_velocity=5.0),

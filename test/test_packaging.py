@@ -127,7 +127,7 @@ def test_a_worker_loads_only_what_an_impact_needs():
     """Each of these costs memory in every worker of a study, and time at every start."""
     code = (
         "import sys\n"
-        "from helmet_sim_ros.study.worker import Job, run_chunk\n"
+        "from helmet_sim_ros.study.sweeps.worker import Job, run_chunk\n"
         "(outcome,) = run_chunk(Job('ece_r22_05', ('hic_cfc1000', 'damage', 'clip_3ms')), [{}])\n"
         "assert outcome.status == 'ok' and None not in outcome.values, outcome\n"
         "heavy = 'scipy.signal scipy.stats scipy.ndimage scipy.spatial pyarrow optuna matplotlib'\n"
@@ -150,6 +150,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_wheel_makes_its_prefix_an_ament_prefix(wheel: Path):
+    package = ROOT / "helmet_sim_ros"
     with zipfile.ZipFile(wheel) as archive:
         names = set(archive.namelist())
         data = "helmet_sim_ros-" + wheel.name.split("-")[1] + ".data/data"
@@ -162,6 +163,8 @@ def test_a_wheel_makes_its_prefix_an_ament_prefix(wheel: Path):
             if path.is_file() and "__pycache__" not in path.parts:
                 assert f"{data}/share/helmet_sim_ros/{path.relative_to(ROOT).as_posix()}" in names
         assert "helmet_sim_ros/py.typed" in names
+        for path in [*package.rglob("*.pyi"), *(package / "report" / "assets").iterdir()]:
+            assert path.relative_to(ROOT).as_posix() in names
 
 
 def test_an_installed_wheel_finds_its_configuration(wheel: Path, tmp_path: Path):

@@ -26,8 +26,8 @@ from helmet_sim_ros.mcap_log.decode import Decoder
 from helmet_sim_ros.mcap_log.source import McapSource
 from helmet_sim_ros.model.arrows import LENGTH_PER_FORCE, force_arrows, point_of_attack
 from helmet_sim_ros.nodes.scene_markers import SceneMarkers
-from helmet_sim_ros.report.gl import BACKENDS, GraphicsError, backend_works, choose_backend
-from helmet_sim_ros.report.scenes import scene_of
+from helmet_sim_ros.report.replay.gl import BACKENDS, GraphicsError, backend_works, choose_backend
+from helmet_sim_ros.report.replay.scene import scene_of
 
 ROOT = Path(__file__).resolve().parents[1]
 SETUP = ImpactSetup(duration=0.012, normal_velocity=5.0, tangential_velocity=8.0)

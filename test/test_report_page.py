@@ -20,8 +20,8 @@ from logs import write_log
 from helmet_sim_ros import ImpactSetup, open_log
 from helmet_sim_ros.biomech.pulse import magnitude
 from helmet_sim_ros.cli import main
-from helmet_sim_ros.report.html import _script_json, report_page
-from helmet_sim_ros.report.svg import ticks
+from helmet_sim_ros.report.page.page import _script_json, report_page
+from helmet_sim_ros.report.page.svg import ticks
 from helmet_sim_ros.study import load_reference, load_scenario
 
 BROWSERS = map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))

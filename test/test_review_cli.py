@@ -22,7 +22,7 @@ from helmet_sim_ros.cli import main
 from helmet_sim_ros.mcap_log.blocks import Assembled
 from helmet_sim_ros.nodes import samples
 from helmet_sim_ros.nodes.diagnostics import from_evaluation, from_problem
-from helmet_sim_ros.report.review import evaluation_differences, review
+from helmet_sim_ros.report.review.check import evaluation_differences, review
 
 SETUPS = [
     ImpactSetup(duration=0.015, normal_velocity=5.0, tangential_velocity=5.0),

@@ -10,7 +10,7 @@ import yaml
 from helmet_sim_ros.errors import SetupError
 from helmet_sim_ros.model.setup import Rider
 from helmet_sim_ros.study import load_reference, load_scenario
-from helmet_sim_ros.study.overrides import parse_override, parse_overrides
+from helmet_sim_ros.study.scenario.overrides import parse_override, parse_overrides
 
 
 @pytest.fixture

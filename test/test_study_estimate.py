@@ -6,8 +6,8 @@ import numpy as np
 import pyarrow
 import pytest
 
-from helmet_sim_ros.study.estimate import converged, convergence, estimates, interval
-from helmet_sim_ros.study.study import Percentiles
+from helmet_sim_ros.study.sweeps.percentiles import converged, convergence, estimates, interval
+from helmet_sim_ros.study.sweeps.study import Percentiles
 
 WANTED = Percentiles(criteria=["peak_g"], at=[50.0, 95.0])
 

@@ -9,7 +9,7 @@ import pytest
 from helmet_sim_ros.errors import SetupError
 from helmet_sim_ros.resources import share_directory
 from helmet_sim_ros.study import load_study
-from helmet_sim_ros.study.optimisation import load_optimisation
+from helmet_sim_ros.study.optimisation.plan import load_optimisation
 from helmet_sim_ros.yaml_file import read_yaml
 
 MATRIX = "common: {impact.rig: headform}\nproduct: {impact.direction: [front, top]}\n"

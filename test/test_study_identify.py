@@ -11,9 +11,14 @@ from helmet_sim_ros.cli import main
 from helmet_sim_ros.errors import SetupError
 from helmet_sim_ros.model.helmet import Helmet, load_helmet
 from helmet_sim_ros.model.setup import ImpactSetup
-from helmet_sim_ros.study.drop_table import read_drop_table, write_drop_table
-from helmet_sim_ros.study.drop_tests import DropTest, drop_test, loop_energy_loss, simulated_drops
-from helmet_sim_ros.study.identify import identify
+from helmet_sim_ros.study.identification.drop_table import read_drop_table, write_drop_table
+from helmet_sim_ros.study.identification.drop_tests import (
+    DropTest,
+    drop_test,
+    loop_energy_loss,
+    simulated_drops,
+)
+from helmet_sim_ros.study.identification.fit import identify
 
 LAWS = {"front": (20e3, 14.0), "back": (15e3, 20.0), "side": (40e3, 8.0), "top": (60e3, 5.0)}
 SPEEDS = (2.5, 5.0, 7.5, 10.0)

@@ -12,10 +12,15 @@ import yaml
 from helmet_sim_ros import ImpactSetup, evaluate, simulate
 from helmet_sim_ros.errors import SetupError
 from helmet_sim_ros.model.helmet import load_helmet
-from helmet_sim_ros.study.design import DesignRules, liner_mass, make_design, shell_area
-from helmet_sim_ros.study.optimisation import load_optimisation
-from helmet_sim_ros.study.optimiser import optimise
-from helmet_sim_ros.study.trials import best
+from helmet_sim_ros.study.optimisation.design import (
+    DesignRules,
+    liner_mass,
+    make_design,
+    shell_area,
+)
+from helmet_sim_ros.study.optimisation.plan import load_optimisation
+from helmet_sim_ros.study.optimisation.search import optimise
+from helmet_sim_ros.study.optimisation.trials import best
 
 HELMET = load_helmet("fullface").replaced({"coupling": "foam"})
 RULES = DesignRules()
@@ -149,7 +154,7 @@ def test_best_designs_are_the_pareto_front_of_those_that_meet_every_limit(plan, 
 
 
 def test_best_designs_are_spread_along_a_long_front(plan):
-    from helmet_sim_ros.study.trials import Trial
+    from helmet_sim_ros.study.optimisation.trials import Trial
 
     trials = [Trial(i, {}, {"helmet_mass": 1.0 + i, "worst peak_g": 300.0 - i}) for i in range(101)]
     assert [trial.number for trial in best(plan(best=5), trials)] == [0, 25, 50, 75, 100]

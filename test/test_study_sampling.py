@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from helmet_sim_ros.errors import SetupError
-from helmet_sim_ros.study.population import NAMES, load_population
-from helmet_sim_ros.study.sampling import Distribution, unit_points
-from helmet_sim_ros.study.study import value_leaves
+from helmet_sim_ros.study.sweeps.population import NAMES, load_population
+from helmet_sim_ros.study.sweeps.sampling import Distribution, unit_points
+from helmet_sim_ros.study.sweeps.study import value_leaves
 
 LEAVES = value_leaves()
 

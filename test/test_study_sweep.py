@@ -17,8 +17,8 @@ from helmet_sim_ros import evaluate, simulate
 from helmet_sim_ros.errors import SetupError, StudyError
 from helmet_sim_ros.model.setup import setup_from_names
 from helmet_sim_ros.study import load_study, sweep
-from helmet_sim_ros.study.engine import CHUNKS_PER_WORKER, Chunk, open_engine
-from helmet_sim_ros.study.worker import Job, Outcome, run_chunk
+from helmet_sim_ros.study.sweeps.engine import CHUNKS_PER_WORKER, Chunk, open_engine
+from helmet_sim_ros.study.sweeps.worker import Job, Outcome, run_chunk
 
 SHORT = "impact.rig: headform, sim.duration: 0.008"
 STUDY = f"""
@@ -303,7 +303,7 @@ def test_a_running_scheduler_is_used_as_it_is(study, tmp_path):
 
 
 def test_an_unreachable_scheduler_is_refused(study, tmp_path, monkeypatch):
-    monkeypatch.setattr("helmet_sim_ros.study.engine.CONNECT_TIMEOUT", 1.0)
+    monkeypatch.setattr("helmet_sim_ros.study.sweeps.engine.CONNECT_TIMEOUT", 1.0)
     for address in ("tcp://127.0.0.1:9", "nowhere", "tcp://"):
         with pytest.raises(SetupError, match="cannot be reached"):
             sweep(study(), tmp_path / "out", scheduler=address)

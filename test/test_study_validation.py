@@ -5,14 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from helmet_sim_ros.report.validation import write_validation
-from helmet_sim_ros.study.validation import (
-    VARIATIONS,
-    Validation,
-    against_published,
-    errors,
-    validate,
-)
+from helmet_sim_ros.report.validation.document import write_validation
+from helmet_sim_ros.study.validation.case import against_published, errors
+from helmet_sim_ros.study.validation.validate import VARIATIONS, Validation, validate
 
 
 @pytest.fixture(scope="module")

@@ -13,6 +13,7 @@ from helmet_sim_ros.errors import PulseError
 #: Share of the peak normal force below which no instantaneous force ratio is formed: at first
 #: touch and lift-off both forces vanish and their quotient says nothing.
 CONTACT_LEVEL = 0.05
+HORIZONTAL = np.array([1.0, 1.0, 0.0])
 
 
 class Energy(NamedTuple):
@@ -22,30 +23,41 @@ class Energy(NamedTuple):
     absorbed: float
 
 
-def ground_components(ground_force: ArrayLike) -> tuple[FloatArray, FloatArray]:
+def ground_components(
+    ground_force: ArrayLike, ground_friction: ArrayLike | None = None
+) -> tuple[FloatArray, FloatArray]:
     """Normal and tangential amount of the ground force, each (n,) [N].
 
     Args:
-        ground_force: force of the ground on the helmet, world axes (z up), shape (n, 3) [N].
+        ground_force: force of the surface on the helmet, world axes (z up), shape (n, 3) [N].
+        ground_friction: its part along the surface, shape (n, 3) [N]; unset: the ground is flat,
+            and that part is x and y.
 
     Raises:
         PulseError: wrong shape, or a value that is not finite.
     """
-    return normal_and_tangential(finite_array("ground_force", ground_force, 3))
+    force = finite_array("ground_force", ground_force, 3)
+    if ground_friction is None:
+        friction = force * HORIZONTAL
+    else:
+        friction = finite_array("ground_friction", ground_friction, 3)
+    return normal_and_tangential(force - friction, friction)
 
 
-def normal_and_tangential(force: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """:func:`ground_components` of a checked force, (n, 3)."""
-    return np.maximum(force[:, 2], 0.0), np.hypot(force[:, 0], force[:, 1])
+def normal_and_tangential(
+    normal: FloatArray, friction: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """The amounts of both parts of a force, (n, 3) each."""
+    return magnitude(normal), magnitude(friction)
 
 
-def peak_force_ratio(ground_force: ArrayLike) -> float:
+def peak_force_ratio(ground_force: ArrayLike, ground_friction: ArrayLike | None = None) -> float:
     """Ratio of the peak tangential to the peak normal ground force.
 
     The two peaks need not coincide in time (Hyncik & Bonkowski, Table 1).
 
     Args:
-        ground_force: force of the ground on the helmet, world axes, shape (n, 3) [N].
+        ground_force, ground_friction: see :func:`ground_components`.
 
     Returns:
         max F_t / max F_n [-]; 0 where the helmet never touches.
@@ -53,36 +65,42 @@ def peak_force_ratio(ground_force: ArrayLike) -> float:
     Raises:
         PulseError: wrong shape, or a value that is not finite.
     """
-    return ratio_of_peaks(*ground_components(ground_force))
+    return ratio_of_peaks(*ground_components(ground_force, ground_friction))
 
 
-def instant_force_ratio(ground_force: ArrayLike) -> tuple[float, int]:
+def instant_force_ratio(
+    ground_force: ArrayLike, ground_friction: ArrayLike | None = None
+) -> tuple[float, int]:
     """Largest F_t / F_n [-] at one instant, and its sample; 0 where the helmet never touches.
 
     Only while the normal force is above ``CONTACT_LEVEL`` of its peak.
 
     Args:
-        ground_force: force of the ground on the helmet, world axes, shape (n, 3) [N].
+        ground_force, ground_friction: see :func:`ground_components`.
 
     Raises:
         PulseError: wrong shape, or a value that is not finite.
     """
-    return largest_ratio(*ground_components(ground_force))
+    return largest_ratio(*ground_components(ground_force, ground_friction))
 
 
-def impulse_ratio(ground_force: ArrayLike) -> float:
+def impulse_ratio(ground_force: ArrayLike, ground_friction: ArrayLike | None = None) -> float:
     """Amount of the tangential over the normal impulse of the ground [-]; 0 without contact.
 
-    The tangential force is integrated as a vector, so a reversal of friction counts.
+    Both are integrated as vectors, so a reversal of friction counts.
 
     Args:
-        ground_force: force of the ground on the helmet, world axes, shape (n, 3) [N], uniform in
-            time.
+        ground_force, ground_friction: see :func:`ground_components`; uniform in time.
 
     Raises:
         PulseError: wrong shape, or a value that is not finite.
     """
-    return ratio_of_impulses(finite_array("ground_force", ground_force, 3))
+    force = finite_array("ground_force", ground_force, 3)
+    if ground_friction is None:
+        friction = force * HORIZONTAL
+    else:
+        friction = finite_array("ground_friction", ground_friction, 3)
+    return ratio_of_impulses(force - friction, friction)
 
 
 def ratio_of_peaks(normal: FloatArray, tangential: FloatArray) -> float:
@@ -99,11 +117,26 @@ def largest_ratio(normal: FloatArray, tangential: FloatArray) -> tuple[float, in
     return float(ratio[i]), i
 
 
-def ratio_of_impulses(force: FloatArray) -> float:
-    """:func:`impulse_ratio` of a checked force, (n, 3)."""
-    impulse = force.sum(axis=0) - 0.5 * (force[0] + force[-1])
-    normal = float(impulse[2])
-    return float(np.hypot(impulse[0], impulse[1])) / normal if normal > 0.0 else 0.0
+def ratio_of_impulses(normal: FloatArray, friction: FloatArray) -> float:
+    """:func:`impulse_ratio` of the two parts, (n, 3) each."""
+    pressed = float(np.linalg.norm(_sum_of_trapezoids(normal)))
+    return float(np.linalg.norm(_sum_of_trapezoids(friction))) / pressed if pressed > 0.0 else 0.0
+
+
+def contact_normal(normal: FloatArray) -> FloatArray:
+    """The direction of the normal impulse, shape (3,); upwards where nothing touches.
+
+    Args:
+        normal: force normal to the surface, shape (n, 3) [N].
+    """
+    impulse = _sum_of_trapezoids(normal)
+    amount = float(np.linalg.norm(impulse))
+    return impulse / amount if amount > 0.0 else np.array([0.0, 0.0, 1.0])
+
+
+def _sum_of_trapezoids(force: FloatArray) -> FloatArray:
+    total: FloatArray = force.sum(axis=0) - 0.5 * (force[0] + force[-1])
+    return total
 
 
 def compression(coupling_displacement: ArrayLike) -> FloatArray:

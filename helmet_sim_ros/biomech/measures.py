@@ -169,7 +169,7 @@ _HELMET: Mapping[str, Formula] = {
     "peak_tangential_force": lambda s: _peak(s.ground_amounts[1]),
     "force_ratio": lambda s: Found(helmet.ratio_of_peaks(*s.ground_amounts)),
     "instant_force_ratio": _instant_force_ratio,
-    "impulse_ratio": lambda s: Found(helmet.ratio_of_impulses(s.ground_force)),
+    "impulse_ratio": lambda s: Found(helmet.ratio_of_impulses(*s.ground_parts)),
     "peak_compression": lambda s: _peak(s.compression),
     "bottoming": _bottoming,
     "energy_peak": lambda s: Found(s.energy.peak),

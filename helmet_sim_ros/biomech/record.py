@@ -25,6 +25,7 @@ CHANNELS: Mapping[str, tuple[tuple[str, ...], str]] = {
     "helmet_orientation": (("x", "y", "z", "w"), "-"),
     "ground_force": (("x", "y", "z"), "N"),
     "ground_torque": (("x", "y", "z"), "N m"),
+    "ground_friction": (("x", "y", "z"), "N"),
     "coupling_force": (("x", "y", "z"), "N"),
     "coupling_torque": (("x", "y", "z"), "N m"),
     "coupling_displacement": (("x", "y", "z"), "m"),
@@ -53,8 +54,10 @@ class ImpactRecord:
         helmet_position: origin of the helmet frame (it coincides with ``head`` while the coupling
             is not compressed), world axes, (n, 3) [m].
         helmet_orientation: helmet to world, unit quaternion x, y, z, w, (n, 4).
-        ground_force: force of the ground ON the helmet, world axes, (n, 3) [N].
+        ground_force: force of the surface ON the helmet, world axes, (n, 3) [N].
         ground_torque: its moment about the world origin, world axes, (n, 3) [N m].
+        ground_friction: the part of ``ground_force`` that acts along the surface where it touches,
+            world axes, (n, 3) [N]; the rest is normal to it.
         coupling_force: force of the helmet ON the head, head axes, (n, 3) [N].
         coupling_torque: its moment about the helmet frame's origin, head axes, (n, 3) [N m].
         coupling_displacement: helmet against head, head axes, (n, 3) [m]: a blow on the front
@@ -81,6 +84,7 @@ class ImpactRecord:
     helmet_orientation: FloatArray
     ground_force: FloatArray
     ground_torque: FloatArray
+    ground_friction: FloatArray
     coupling_force: FloatArray
     coupling_torque: FloatArray
     coupling_displacement: FloatArray
@@ -161,6 +165,10 @@ def from_block(
     try:
         arrays["time"] = block[:, column["time"]]
         for name, (components, _) in CHANNELS.items():
+            if name == "ground_friction" and "ground_friction.x" not in column:
+                # Logs of 0.1.0 know flat ground only.
+                arrays[name] = arrays["ground_force"] * np.array([1.0, 1.0, 0.0])
+                continue
             arrays[name] = block[:, [column[f"{name}.{c}"] for c in components]]
         prefix = "joint_position."
         joints = tuple(label[len(prefix) :] for label in labels if label.startswith(prefix))

@@ -23,8 +23,8 @@ from helmet_sim_ros.errors import PulseError
 #: Channels of a record that some criterion is computed from; all are checked, whichever is wanted.
 CHECKED = (
     "head_acceleration", "head_velocity", "head_orientation", "head_angular_acceleration",
-    "head_angular_velocity", "neck_force", "neck_torque", "ground_force", "coupling_force",
-    "coupling_displacement",
+    "head_angular_velocity", "neck_force", "neck_torque", "ground_force", "ground_friction",
+    "coupling_force", "coupling_displacement",
 )  # fmt: skip
 #: Changes of velocity below this [m/s] are too small to tell a unit from.
 SMALL_CHANGE = 0.5
@@ -163,20 +163,24 @@ class RawSignals(Signals):
         """The largest angular velocity about each head axis, shape (3,) [rad/s]."""
         return rotation.axis_peaks(self.angular_velocity)
 
-    @property
-    def normal_velocity(self) -> FloatArray:
-        """Of the head, away from the ground, shape (n,) [m/s]."""
-        return self._channels["head_velocity"][:, 2]
+    @cached_property
+    def ground_parts(self) -> tuple[FloatArray, FloatArray]:
+        """The ground's force normal to the surface and along it, each (n, 3) [N]."""
+        friction = self._channels["ground_friction"]
+        return self._channels["ground_force"] - friction, friction
 
     @property
-    def ground_force(self) -> FloatArray:
-        """Shape (n, 3) [N]."""
-        return self._channels["ground_force"]
+    def normal_velocity(self) -> FloatArray:
+        """Of the head, away from the surface, shape (n,) [m/s]."""
+        away: FloatArray = self._channels["head_velocity"] @ helmet.contact_normal(
+            self.ground_parts[0]
+        )
+        return away
 
     @cached_property
     def ground_amounts(self) -> tuple[FloatArray, FloatArray]:
         """Normal and tangential force of the ground, each (n,) [N]."""
-        return helmet.normal_and_tangential(self.ground_force)
+        return helmet.normal_and_tangential(*self.ground_parts)
 
     @cached_property
     def compression(self) -> FloatArray:

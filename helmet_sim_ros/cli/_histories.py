@@ -1,18 +1,23 @@
-"""Complete samples of impacts of a sweep, as a log that ``helmet-sim review`` reads."""
+"""Complete samples of impacts of a sweep, as a log that ``helmet-sim review`` reads. Needs ROS."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from helmet_sim_ros.errors import StudyError
+from rclpy.serialization import serialize_message
 
-if TYPE_CHECKING:
-    from helmet_sim_ros.nodes.log_session import LogSession
-    from helmet_sim_ros.study.study import Row
-    from helmet_sim_ros.study.sweeper import SweepResult
+from helmet_sim_ros.biomech.evaluation import evaluate
+from helmet_sim_ros.mcap_log.blocks import Assembled, Block
+from helmet_sim_ros.model.impact import Impact
+from helmet_sim_ros.model.setup import setup_from_names
+from helmet_sim_ros.nodes import diagnostics, samples
+from helmet_sim_ros.nodes.conversion import nanoseconds
+from helmet_sim_ros.nodes.log_session import LogSession
+from helmet_sim_ros.nodes.recorder_config import RecorderConfig
+from helmet_sim_ros.study.sweeps.study import Row
+from helmet_sim_ros.study.sweeps.sweep import SweepResult
 
 FILE = "histories.mcap"
 #: Impacts start at whole multiples of this in the log [s]; the first one after one second, because
@@ -34,17 +39,8 @@ def write_histories(
         workers on another kind of processor.
 
     Raises:
-        StudyError: ROS message packages are not installed.
         LogError: the log cannot be written.
     """
-    try:
-        from helmet_sim_ros.nodes.log_session import LogSession
-        from helmet_sim_ros.nodes.recorder_config import RecorderConfig
-    except ImportError as error:
-        raise StudyError(
-            f"histories are logs of ROS messages, which are not installed ({error}); all other "
-            "results are there. Source a ROS 2 installation, or: pip install helmet_sim_ros[ros]"
-        ) from None
     wanted = result.study.file.histories
     if wanted is None:
         raise ValueError("the study keeps no histories")
@@ -73,15 +69,6 @@ def _add(
     session: LogSession, result: SweepResult, row: Row, criterion: str, start: float
 ) -> tuple[float, float]:
     """Log one impact; its criterion, and when the next one may start."""
-    from rclpy.serialization import serialize_message
-
-    from helmet_sim_ros.biomech.evaluation import evaluate
-    from helmet_sim_ros.mcap_log.blocks import Assembled, Block
-    from helmet_sim_ros.model.impact import Impact
-    from helmet_sim_ros.model.setup import setup_from_names
-    from helmet_sim_ros.nodes import diagnostics, samples
-    from helmet_sim_ros.nodes.conversion import nanoseconds
-
     impact = Impact(setup_from_names(row.values))
     impact.advance(impact.total)
     record = impact.record()

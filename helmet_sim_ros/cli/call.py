@@ -16,8 +16,8 @@ from helmet_sim_ros.errors import NodeError
 from helmet_sim_ros.model.setup import setup_from_names, setup_leaves
 from helmet_sim_ros.nodes.environment import prepare_environment
 from helmet_sim_ros.schema import Leaf
-from helmet_sim_ros.study.overrides import parse_overrides
-from helmet_sim_ros.study.scenario import flatten
+from helmet_sim_ros.study.scenario.matrix import flatten
+from helmet_sim_ros.study.scenario.overrides import parse_overrides
 
 #: How long a running simulation may take to be found [s].
 FIND_TIMEOUT = 10.0

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 from rich import box
@@ -13,10 +12,11 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from helmet_sim_ros.biomech.catalogue import entry
 from helmet_sim_ros.cli._logs import DIFFERENT, FINE
-
-if TYPE_CHECKING:
-    from helmet_sim_ros.report.compare import Change, Pair
+from helmet_sim_ros.errors import LogError
+from helmet_sim_ros.mcap_log import open_log
+from helmet_sim_ros.report.review.compare import Change, Pair, changes, paired
 
 #: Compared unless the user chooses.
 DEFAULT = (
@@ -53,11 +53,8 @@ def command(
     Exit code 0: all within the tolerance; 1: not all, or an impact has no counterpart; 2: a log
     cannot be read.
     """
-    from helmet_sim_ros.biomech.catalogue import entry
-    from helmet_sim_ros.errors import LogError
-    from helmet_sim_ros.mcap_log import open_log
-    from helmet_sim_ros.report.compare import changes, overlay_figure, paired
-    from helmet_sim_ros.report.figures import save_figure
+    from helmet_sim_ros.report.figures.overlay import overlay_figure
+    from helmet_sim_ros.report.figures.save import save_figure
 
     for name in names:
         entry(name)  # refuse an unknown one

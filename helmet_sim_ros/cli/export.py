@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 from rich.console import Console
 
 from helmet_sim_ros.cli._logs import FINE, for_each_log, logs_argument
 from helmet_sim_ros.errors import LogError
-
-if TYPE_CHECKING:
-    from helmet_sim_ros.mcap_log import ImpactLog
+from helmet_sim_ros.mcap_log import ImpactLog
 
 
 @click.command()
@@ -45,8 +42,8 @@ def export(log: ImpactLog, form: str, output: Path, only: tuple[str, ...] = ()) 
     Raises:
         LogError: no such impact, the log is damaged, or a file cannot be written.
     """
-    from helmet_sim_ros.report import tables
-    from helmet_sim_ros.report.isomme import write_isomme
+    from helmet_sim_ros.report.export import tables
+    from helmet_sim_ros.report.export.isomme import write_isomme
 
     impacts = [impact for impact in log if not only or impact.impact_id in only]
     if missing := set(only) - {impact.impact_id for impact in impacts}:

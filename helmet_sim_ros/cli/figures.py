@@ -23,7 +23,8 @@ def command(logs: tuple[Path, ...], output: Path, forms: tuple[str, ...]) -> Non
 
     Several LOGs go into the same figures, so that helmets can be compared.
     """
-    from helmet_sim_ros.report.figures import paper_figures, save_figure
+    from helmet_sim_ros.report.figures.paper import paper_figures
+    from helmet_sim_ros.report.figures.save import save_figure
 
     opened, code = open_logs(logs)
     figures = paper_figures(impact for log in opened for impact in log)

@@ -3,15 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
-from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.table import Table
-
-if TYPE_CHECKING:
-    from helmet_sim_ros.study.identify import Identification
 
 
 @click.command()
@@ -47,10 +41,11 @@ def command(
     or direction, normal_velocity_m_s, force_N, compression_m (full loops). Without TABLE the
     scenario drop_tests is simulated with the foam liner of the base helmet.
     """
+    from helmet_sim_ros.cli._springs import show
     from helmet_sim_ros.model.helmet import load_helmet
-    from helmet_sim_ros.study.drop_table import read_drop_table, write_drop_table
-    from helmet_sim_ros.study.drop_tests import simulated_drops
-    from helmet_sim_ros.study.identify import identify, write_helmet
+    from helmet_sim_ros.study.identification.drop_table import read_drop_table, write_drop_table
+    from helmet_sim_ros.study.identification.drop_tests import simulated_drops
+    from helmet_sim_ros.study.identification.fit import identify, write_helmet
 
     console = Console(highlight=False)
     base = load_helmet(helmet)
@@ -70,30 +65,8 @@ def command(
         write_helmet(result, output, f"{helmet} with its spring identified from {origin}.")
         console.print(f"helmet: {output}")
     if plot:
-        from helmet_sim_ros.report.identification import identification_figure, save
+        from helmet_sim_ros.report.figures.drops import identification_figure
+        from helmet_sim_ros.report.figures.save import save_figure
 
-        save(identification_figure(result, loops), plot)
+        save_figure(identification_figure(result, loops), plot)
         console.print(f"figure: {plot}")
-
-
-def show(result: Identification, console: Console) -> None:
-    """Print the laws with their confidence and residuals."""
-    view = Table(title="identified spring, F = A (exp(B d) - 1)", title_justify="left",
-                 box=SIMPLE_HEAD, pad_edge=False)  # fmt: skip
-    for header in ("side", "A [N]", "B [1/m]", "95 %", "A B [kN/m]", "95 %", "residuals [%]"):
-        view.add_column(header, justify="left" if header == "side" else "right")
-    for fit in result.fits:
-        view.add_row(
-            fit.side, f"{fit.A:.0f}", f"{fit.B:.2f}", _span(fit.B_interval),
-            f"{fit.stiffness / 1e3:.0f}", _span(fit.stiffness_interval, 1e3),
-            " ".join(f"{100 * r:+.1f}" for r in fit.residual),
-        )  # fmt: skip
-    console.print(view)
-    console.print(f"energy loss per cycle {result.energy_loss:.3f}")
-    for note in result.notes:
-        console.print(f"note: {note}")
-
-
-def _span(interval: tuple[float, float], unit: float = 1.0) -> str:
-    low, high = interval
-    return f"{low / unit:.0f}..{high / unit:.0f}"

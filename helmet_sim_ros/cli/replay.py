@@ -6,16 +6,13 @@ import os
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import click
 from rich.console import Console
 
 from helmet_sim_ros.cli._logs import FINE, complain, for_each_log, logs_argument
 from helmet_sim_ros.errors import LogError
-
-if TYPE_CHECKING:
-    from helmet_sim_ros.mcap_log import ImpactLog, LoggedImpact
+from helmet_sim_ros.mcap_log import ImpactLog, LoggedImpact
 
 
 @click.command()
@@ -37,9 +34,13 @@ def command(
     logs: tuple[Path, ...],
     output: Path,
     only: tuple[str, ...],
+    slow: float,
     size: str,
+    rate: int,
+    close: bool,
+    azimuth: float,
+    elevation: float,
     live: bool,
-    **look: Any,
 ) -> None:
     """Render a video of every impact of each LOG: bodies, force arrows, and the pulse as time bar.
 
@@ -52,24 +53,24 @@ def command(
                 "--live needs a screen: neither DISPLAY nor WAYLAND_DISPLAY is set"
             )
     else:
-        from helmet_sim_ros.report.gl import GraphicsError, choose_backend
+        from helmet_sim_ros.report.replay.gl import GraphicsError, choose_backend
 
         try:
             choose_backend()
         except GraphicsError as error:
             raise SystemExit(complain(error)) from error
     from helmet_sim_ros.cli.export import plain
-    from helmet_sim_ros.report.summary import label
+    from helmet_sim_ros.report.review.summary import label
 
     def show(log: ImpactLog) -> int:
         for impact in _chosen(log, only):
             if live:
-                _live(impact, look["slow"])
+                _live(impact, slow)
                 continue
-            from helmet_sim_ros.report.video import VideoOptions, write_video
+            from helmet_sim_ros.report.replay.video import VideoOptions, write_video
 
             path = output / f"{plain(log.path.stem)}_{plain(impact.impact_id)}.mp4"
-            options = VideoOptions(width=width, height=height, **look)
+            options = VideoOptions(width, height, rate, slow, close, azimuth, elevation)
             count = write_video(impact.record, path, options, label(impact.setup))
             text = f"{os.path.relpath(path)} ({count} pictures)"
             Console(highlight=False).print(text, markup=False, soft_wrap=True)
@@ -113,7 +114,7 @@ def _live(impact: LoggedImpact, slow: float) -> None:
     import mujoco.viewer
     import numpy as np
 
-    from helmet_sim_ros.report.stage import Stage
+    from helmet_sim_ros.report.replay.stage import Stage
 
     record = impact.record
     stage = Stage(record)

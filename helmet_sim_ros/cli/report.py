@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 from rich.console import Console
 
 from helmet_sim_ros.cli._logs import FINE, complain, for_each_log, logs_argument, open_logs
 from helmet_sim_ros.errors import HelmetSimError
-
-if TYPE_CHECKING:
-    from helmet_sim_ros.mcap_log import ImpactLog
+from helmet_sim_ros.mcap_log import ImpactLog
 
 
 @click.command()
@@ -28,7 +25,7 @@ def command(logs: tuple[Path, ...], output: Path | None, standard: str | None) -
 
     The page needs no network and no other file.
     """
-    from helmet_sim_ros.report.html import write_report
+    from helmet_sim_ros.report.page.page import write_report
 
     def write(opened: list[ImpactLog], path: Path) -> int:
         write_report(opened, path, standard)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from importlib.metadata import PackageNotFoundError, version
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
 
 import click
 from rich import box
@@ -14,12 +14,18 @@ from rich.table import Table
 from rich.text import Text
 
 from helmet_sim_ros.cli._logs import DIFFERENT, FINE, for_each_log, logs_argument
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from helmet_sim_ros.mcap_log import ImpactLog
-    from helmet_sim_ros.report.review import Reviewed
+from helmet_sim_ros.cli._table import SHORT as COLUMNS
+from helmet_sim_ros.cli._table import VERDICT_STYLE, criteria_table
+from helmet_sim_ros.mcap_log import ImpactLog
+from helmet_sim_ros.report.review.check import Reviewed, review
+from helmet_sim_ros.report.review.summary import (
+    FOLLOWING,
+    LEADING,
+    SHORT,
+    common,
+    shown,
+    varying,
+)
 
 #: Differences shown per impact; the rest is counted.
 MOST_DIFFERENCES = 8
@@ -44,8 +50,6 @@ def command(
 
     Exit code 0: all is as logged; 1: a criterion differs; 2: a log cannot be read.
     """
-    from helmet_sim_ros.report.review import review
-
     console = Console(highlight=False)
 
     def show(log: ImpactLog) -> int:
@@ -62,8 +66,6 @@ def command(
 
 
 def _show_log(console: Console, log: ImpactLog, rows: list[Reviewed], full_setup: bool) -> None:
-    from helmet_sim_ros.report.summary import SHORT, common, shown
-
     def say(text: str, style: str = "") -> None:
         console.print(text, style=style, markup=False, soft_wrap=True)
 
@@ -98,10 +100,6 @@ def _show_log(console: Console, log: ImpactLog, rows: list[Reviewed], full_setup
 
 
 def _table(rows: list[Reviewed]) -> Table:
-    from helmet_sim_ros.cli._table import SHORT as COLUMNS
-    from helmet_sim_ros.cli._table import VERDICT_STYLE
-    from helmet_sim_ros.report.summary import FOLLOWING, LEADING, shown, varying
-
     setups = [row.impact.setup for row in rows]
     more = [n for n in varying(setups) if n not in (*LEADING, *FOLLOWING)][:2]
     sliding = any(setup.get(LEADING[2]) for setup in setups)
@@ -139,8 +137,6 @@ def _models(rows: list[Reviewed]) -> dict[str, str]:
 
 
 def _show_criteria(console: Console, rows: list[Reviewed]) -> None:
-    from helmet_sim_ros.cli._table import criteria_table
-
     for number, row in enumerate(rows, 1):
         case = {"name": f"#{number} {row.impact.impact_id}", "evaluation": row.evaluation.as_dict()}
         console.print(criteria_table(case))
@@ -160,7 +156,7 @@ def _versions(run: dict[str, str]) -> str:
     return ", ".join(texts)
 
 
-def _plain(log: ImpactLog, rows: list[Reviewed]) -> dict[str, Any]:
+def _plain(log: ImpactLog, rows: list[Reviewed]) -> dict[str, object]:
     return {
         "log": str(log.path),
         "run": log.run,

@@ -52,7 +52,7 @@ def command(
     Exit code 0: every case was evaluated; 1: not all; 2: bad input, nothing was started.
     """
     from helmet_sim_ros.study import load_scenario
-    from helmet_sim_ros.study.overrides import parse_overrides
+    from helmet_sim_ros.study.scenario.overrides import parse_overrides
 
     console = Console(highlight=False)
     plan = load_scenario(scenario, overrides=parse_overrides(overrides))

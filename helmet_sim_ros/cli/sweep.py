@@ -2,21 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
-from rich import box
 from rich.console import Console
-from rich.table import Table
 
 from helmet_sim_ros.cli._progress import shown_progress
 from helmet_sim_ros.errors import StudyError
-
-if TYPE_CHECKING:
-    from helmet_sim_ros.study.estimate import Estimate
-    from helmet_sim_ros.study.sweeper import SweepResult
 
 
 @click.command()
@@ -45,9 +37,10 @@ def command(
     Exit code 0: every impact has its criteria; 1: not all, or stopped on the way (what is finished
     is kept, the same command goes on); 2: bad input, nothing was computed.
     """
-    from helmet_sim_ros.study.overrides import parse_overrides
-    from helmet_sim_ros.study.study import load_study
-    from helmet_sim_ros.study.sweeper import sweep
+    from helmet_sim_ros.cli._estimates import report
+    from helmet_sim_ros.study.scenario.overrides import parse_overrides
+    from helmet_sim_ros.study.sweeps.study import load_study
+    from helmet_sim_ros.study.sweeps.sweep import sweep
 
     if workers is not None and scheduler is not None:
         raise click.UsageError("--workers and --scheduler exclude each other")
@@ -66,8 +59,14 @@ def command(
         ) from None
     report(result, console)
     if plan.file.histories is not None:
-        from helmet_sim_ros.cli._histories import write_histories
-
+        try:
+            from helmet_sim_ros.cli._histories import write_histories
+        except ImportError as error:
+            raise StudyError(
+                f"histories are logs of ROS messages, which are not installed ({error}); all other "
+                "results are there. Source a ROS 2 installation, or: "
+                "pip install helmet_sim_ros[ros]"
+            ) from None
         with shown_progress(console, "histories") as progress:
             path, differing = write_histories(result, progress)
         for line in differing:
@@ -75,49 +74,3 @@ def command(
         console.print(f"histories: {path}", soft_wrap=True)
     if result.failed:
         raise SystemExit(1)
-
-
-def report(result: SweepResult, console: Console) -> None:
-    """Print estimates, failures and where the results are."""
-    from helmet_sim_ros.study.estimate import converged, convergence
-
-    if result.study.file.percentiles is not None:
-        found = convergence(result.table, result.study.file.percentiles)
-        console.print(estimate_table(found))
-        for last in (series[-1] for series in found if not converged(series)):
-            text = f"{last.criterion}, {last.percent:g} %: not converged with {last.draws} draws"
-            console.print(text, style="yellow")
-    errors = [(row["index"], row["error"]) for row in _failed(result)]
-    for index, error in errors[:10]:
-        console.print(f"impact {index}: {error}", style="red", markup=False, soft_wrap=True)
-    if len(errors) > 10:
-        console.print(f"... and {len(errors) - 10} more, see column error", style="red")
-    console.print(
-        f"{len(result.study) - result.failed} of {len(result.study)} impacts evaluated, "
-        f"{result.computed} of them computed now"
-    )
-    console.print(f"results: {result.folder}/results.parquet, results.csv", soft_wrap=True)
-
-
-def estimate_table(found: Sequence[Sequence[Estimate]]) -> Table:
-    """One line per estimate and number of draws."""
-    table = Table(
-        title="Percentiles with 95 % bootstrap interval, for growing numbers of draws",
-        box=box.SIMPLE_HEAD, title_justify="left", pad_edge=False,
-    )  # fmt: skip
-    for header in ("group", "criterion"):
-        table.add_column(header)
-    for header in ("percentile", "draws", "impacts", "value", "95 % interval"):
-        table.add_column(header, justify="right")
-    for one in (estimate for series in found for estimate in series):
-        group = ", ".join(map(str, one.group.values())) or "all"
-        table.add_row(
-            group, one.criterion, f"{one.percent:g}", str(one.draws), str(one.impacts),
-            f"{one.value:.5g}", f"{one.low:.5g} to {one.high:.5g}",
-        )  # fmt: skip
-    return table
-
-
-def _failed(result: SweepResult) -> list[dict[str, object]]:
-    columns = result.table.select(["index", "status", "error"]).to_pylist()
-    return [row for row in columns if row["status"] != "ok"]

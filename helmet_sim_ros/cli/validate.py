@@ -13,8 +13,8 @@ from rich.console import Console
               metavar="DIR", help="Where validation.md and figures/ go.")  # fmt: skip
 def command(output: Path) -> None:
     """Compare spring, foam and the published table; refine; balance; write OUTPUT/validation.md."""
-    from helmet_sim_ros.report.validation import write_validation
-    from helmet_sim_ros.study.validation import validate
+    from helmet_sim_ros.report.validation.document import write_validation
+    from helmet_sim_ros.study.validation.validate import validate
 
     console = Console(highlight=False)
     result = validate(lambda what: console.print(what))

@@ -45,10 +45,10 @@ _COLORS = {"normal": (0.80, 0.15, 0.15, 1.0), "friction": (0.95, 0.60, 0.10, 1.0
 
 
 def force_arrows(record: ImpactRecord, index: int) -> tuple[Arrow, Arrow]:
-    """Normal and tangential force of the ground at one sample, at their point of attack."""
-    force = record.ground_force[index]
+    """Normal and tangential force of the surface at one sample, at their point of attack."""
+    tangential = record.ground_friction[index]
+    normal = record.ground_force[index] - tangential
     tail = point_of_attack(record, index)
-    normal, tangential = np.array([0.0, 0.0, force[2]]), np.array([force[0], force[1], 0.0])
     return (
         Arrow("normal", tail, tail + LENGTH_PER_FORCE * normal, _COLORS["normal"]),
         Arrow("friction", tail, tail + LENGTH_PER_FORCE * tangential, _COLORS["friction"]),
@@ -56,12 +56,17 @@ def force_arrows(record: ImpactRecord, index: int) -> tuple[Arrow, Arrow]:
 
 
 def point_of_attack(record: ImpactRecord, index: int) -> FloatArray:
-    """The point of the ground where the contact force acts, world axes, shape (3,) [m].
+    """The point where the surface's force acts, world axes, shape (3,) [m].
 
-    From force F and moment M about the world's origin: x = -M_y / F_z, y = M_x / F_z on z = 0.
+    Where its line of action meets the plane through the world's origin, at which the helmet
+    touches first, normal to the contact: with force F, moment M about the origin and normal n, n x M / (n . F).
     Without contact, the point of the ground below the helmet.
     """
     force, moment = record.ground_force[index], record.ground_torque[index]
-    if force[2] < SMALLEST_FORCE:
+    normal = force - record.ground_friction[index]
+    pressed = float(np.linalg.norm(normal))
+    if pressed < SMALLEST_FORCE:
         return np.array([*record.helmet_position[index][:2], 0.0])
-    return np.array([-moment[1] / force[2], moment[0] / force[2], 0.0])
+    normal = normal / pressed
+    point: FloatArray = np.cross(normal, moment) / (normal @ force)
+    return point

@@ -8,8 +8,10 @@ import mujoco
 import numpy as np
 
 from helmet_sim_ros.biomech.record import FloatArray
-from helmet_sim_ros.model.contact import STIFFNESS, TANGENTIAL_SHARE
-from helmet_sim_ros.model.coupling import recoverable_energy
+from helmet_sim_ros.model.force.bodies import motion_of
+from helmet_sim_ros.model.force.contact import elastic_energy
+from helmet_sim_ros.model.force.friction import TANGENTIAL_SHARE
+from helmet_sim_ros.model.force.spring import recoverable_energy
 from helmet_sim_ros.model.impact import Impact
 
 
@@ -62,6 +64,7 @@ def balance(impact: Impact) -> Balance:
     n = len(record)
     momentum, kinetic, potential, contact = np.zeros((n, 3)), np.zeros(n), np.zeros(n), np.zeros(n)
     mass = float(model.body_subtreemass[1])
+    motion, touching = motion_of(data), impact.contact.fresh(len(impact.surface.kind))
     for i, (position, velocity) in enumerate(impact.states()):
         data.qpos[:], data.qvel[:] = position, velocity
         mujoco.mj_fwdPosition(model, data)
@@ -71,8 +74,7 @@ def balance(impact: Impact) -> Balance:
         mujoco.mj_subtreeVel(model, data)
         momentum[i] = mass * data.subtree_linvel[1]
         potential[i], kinetic[i] = data.energy
-        depth = -np.minimum(impact.shapes.lowest_points(data.xpos, data.xmat), 0.0)
-        contact[i] = 0.5 * impact.shapes.law[:, STIFFNESS] @ depth**2
+        contact[i] = elastic_energy(touching, impact.surface, motion)
     force = record.ground_force + record.body_ground_force + mass * model.opt.gravity
     steps = 0.5 * (force[1:] + force[:-1]) * record.time_step
     impulse = np.vstack([np.zeros(3), np.cumsum(steps, axis=0)])
@@ -80,6 +82,6 @@ def balance(impact: Impact) -> Balance:
     stored = np.zeros(n)
     if helmet.coupling == "spring":
         stored = recoverable_energy(record.coupling_displacement, helmet.spring)
-        friction = np.linalg.norm(record.ground_force[:, :2], axis=1)
+        friction = np.linalg.norm(record.ground_friction, axis=1)
         contact += 0.5 * friction**2 / (TANGENTIAL_SHARE * helmet.shell.contact_stiffness)
     return Balance(momentum, impulse, kinetic, potential, stored, contact)

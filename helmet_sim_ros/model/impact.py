@@ -17,10 +17,21 @@ from helmet_sim_ros.biomech.record import (
 )
 from helmet_sim_ros.biomech.rotation import matrices
 from helmet_sim_ros.errors import DivergedError, PulseError
-from helmet_sim_ros.model import coupling
-from helmet_sim_ros.model.foam import residual_strains
-from helmet_sim_ros.model.liner import POINT, THICKNESS, crush_depth, nothing_near
-from helmet_sim_ros.model.loop import advance
+from helmet_sim_ros.model.force.bodies import (
+    BODY,
+    COLUMNS,
+    FORCE,
+    FRICTION,
+    HELMET,
+    MOMENT,
+    motion_of,
+    no_loads,
+)
+from helmet_sim_ros.model.force.fit import fit
+from helmet_sim_ros.model.force.foam import residual_strains
+from helmet_sim_ros.model.force.liner import crushing_liner
+from helmet_sim_ros.model.force.spring import coupling_spring
+from helmet_sim_ros.model.loop import Clock, Engine, Forces, Rows, advance
 from helmet_sim_ros.model.setup import ImpactSetup
 from helmet_sim_ros.model.world import build
 
@@ -51,7 +62,8 @@ class Impact:
         setup: the impact setup.
         total: number of samples of the whole impact.
         labels: column names of :meth:`block`.
-        shapes: what may touch the ground, the helmet first.
+        surface: what is struck.
+        contact: what may touch it by a stiff contact.
         notes: what a user should know about this setup, in words.
     """
 
@@ -59,43 +71,34 @@ class Impact:
         self.setup = setup
         self.total = setup.samples
         world = build(setup)
-        self.notes = world.notes
-        self._model, self._data, self._spec = world.parts.model, world.data, world.parts.spec
-        model = self._model
-        self._layout = layout = world.parts.layout
+        parts, data = world.parts, world.data
+        self.notes, self.surface, self.contact = world.notes, world.surface, world.contact
+        self._model, self._data, self._spec = parts.model, data, parts.spec
+        self._layout = layout = parts.layout
         self.labels = block_labels(layout.joints)
-        spring = setup.helmet_config.spring
-        self.shapes = shapes = world.shapes
-        data = self._data
-        # Views of MuJoCo's arrays and the history of spring and contacts, as the loop takes them.
-        self._states = (data.qpos, data.qvel, data.qacc, data.qacc_smooth, data.sensordata)
-        self._frames = (
-            data.xpos, data.xmat, data.xipos, data.cvel, data.cdof, data.subtree_com[1]
+        helmet = setup.helmet_config
+        columns, shapes = parts.columns, len(world.surface.kind)
+        count = len(columns.area)
+        largest = np.zeros(count) if crush is None else np.array(crush, dtype=float)
+        if largest.shape != (count,):
+            raise PulseError(f"crush: shape {largest.shape}, expected ({count},)")
+        self._motion = motion_of(data)
+        self._loads = no_loads(parts.model, data.qfrc_applied)
+        self._forces = Forces(
+            world.surface,
+            coupling_spring(helmet.spring, layout.slide, layout.slide_velocity),
+            parts.stops,
+            world.contact,
+            crushing_liner(columns, helmet.shell, layout.helmet, shapes, largest),
+            fit(helmet, columns.thickness, layout.head, layout.helmet),
+        )
+        self._engine = Engine(
+            parts.model._address, data._address, data.qacc_smooth, data.qacc, data.xfrc_applied,
+            data.sensordata, data.M, *parts.damped_diagonal, parts.chains,
         )  # fmt: skip
-        self._forces = (data.qfrc_applied, data.xfrc_applied)
-        self._inertia = (data.M, *world.parts.damped_diagonal)
-        self._spring = (coupling.law_table(spring), spring.energy_loss, coupling.new_state())
-        self._shapes = (
-            shapes.body, shapes.center, shapes.semi_axes, shapes.law, shapes.new_state()
-        )  # fmt: skip
-        columns = world.parts.columns
-        self._liner = (
-            columns.geometry, columns.foam, setup.friction,
-            np.zeros(len(columns)) if crush is None else np.array(crush, dtype=float),
-            np.full(len(columns), -1.0), np.zeros((len(columns), 2)),
-            columns.padding, np.zeros(2),
-        )  # fmt: skip
-        if self._liner[3].shape != (len(columns),):
-            raise PulseError(f"crush: shape {self._liner[3].shape}, expected ({len(columns)},)")
-        self._near = nothing_near(len(columns))
-        self._substeps = world.substeps
-        self._stops, self._chains = world.parts.stops, world.parts.chains
-        self._samples = tuple(
-            np.zeros((self.total, *columns))
-            for columns in (
-                (model.nq,), (model.nv,), (model.nsensordata,), (3,), (2, 6)
-            )
-        )  # fmt: skip
+        self._clock = Clock(parts.model.opt.timestep, world.substeps)
+        widths = (parts.model.nq, parts.model.nv, parts.model.nsensordata, 3, (2, COLUMNS), 3)
+        self._rows = Rows(*(np.zeros((self.total, *np.atleast_1d(w))) for w in widths))
         self._done = 0
 
     @property
@@ -114,11 +117,8 @@ class Impact:
         """
         last = min(self._done + samples, self.total)
         self._done = advance(
-            self._model._address, self._data._address, self._model.opt.timestep,
-            self._substeps, self._done, last,
-            self._states, self._frames, self._forces, self._inertia, self._chains,
-            self._layout.slides, self._spring, self._shapes, self._liner, self._near, self._stops,
-            self._samples,
+            self._engine, self._motion, self._loads, self._forces, self._clock, self._rows,
+            self._done, last,
         )  # fmt: skip
         if self._done < last:
             raise DivergedError(self._done * self.setup.time_step, self.setup.described())
@@ -141,28 +141,27 @@ class Impact:
 
     def states(self) -> Iterator[tuple[FloatArray, FloatArray]]:
         """MuJoCo's qpos and qvel of every finished sample."""
-        yield from zip(self._samples[0][: self._done], self._samples[1][: self._done], strict=True)
+        yield from zip(self._rows.qpos[: self._done], self._rows.qvel[: self._done], strict=True)
 
     def model_xml(self) -> str:
         """The model as MJCF text, for provenance and replay in other tools."""
         return str(self._spec.to_xml())
 
     def _slice(self, first: int, last: int) -> ImpactRecord:
-        q, v, sensors, spring_rows, ground = (rows[first:last] for rows in self._samples)
+        rows = Rows(*(array[first:last] for array in self._rows))
+        q, v, sensors, helmet_load = rows.qpos, rows.qvel, rows.sensors, rows.surface[:, HELMET]
         layout, rider = self._layout, self.setup.rig == "rider"
         orientation = layout.read(sensors, "head_orientation")[:, [1, 2, 3, 0]]
         position = layout.read(sensors, "head_position")
         helmet_orientation = layout.read(sensors, "helmet_orientation")[:, [1, 2, 3, 0]]
         turn = matrices(orientation)
-        if layout.slides[0] >= 0:
-            displacement = q[:, layout.slides[0] : layout.slides[0] + 3]
-            shell, force = position + _turned(turn, displacement), -spring_rows
-        else:  # the crushed liner, in the same sense: the ground pushes the shell upwards
-            shell_turn = matrices(helmet_orientation)
-            depth = crush_depth(self.setup.helmet_config.shell, position, shell_turn)
+        if layout.slide >= 0:
+            displacement = q[:, layout.slide : layout.slide + 3]
+            shell, force = position + _turned(turn, displacement), -rows.coupling
+        else:  # the crushed liner, in the same sense: the surface pushes the shell inwards
             back = turn.transpose(0, 2, 1)
-            displacement = _turned(back, np.array([[0.0, 0.0, 1.0]])) * depth[:, None]
-            shell, force = position, _turned(back, ground[:, 0, :3])
+            displacement = _turned(back, rows.crush)
+            shell, force = position, _turned(back, _part(helmet_load, FORCE))
         gravity = np.array([0.0, 0.0, -self.setup.gravity])
         zeros = np.zeros((len(q), 3))
         return ImpactRecord(
@@ -176,12 +175,13 @@ class Impact:
             head_orientation=orientation,
             helmet_position=shell,
             helmet_orientation=helmet_orientation,
-            ground_force=ground[:, 0, :3],
-            ground_torque=ground[:, 0, 3:],
+            ground_force=_part(helmet_load, FORCE),
+            ground_torque=_part(helmet_load, MOMENT),
+            ground_friction=_part(helmet_load, FRICTION),
             coupling_force=force,
             coupling_torque=-layout.read(sensors, "coupling_torque"),
             coupling_displacement=displacement,
-            body_ground_force=ground[:, 1, :3],
+            body_ground_force=_part(rows.surface[:, BODY], FORCE),
             neck_force=layout.read(sensors, "neck_force") if rider else zeros,
             neck_torque=layout.read(sensors, "neck_torque") if rider else zeros,
             joint_names=layout.joints,
@@ -195,14 +195,20 @@ class Impact:
         """Notes, and of a foam helmet the crush map so far: ``crush`` (largest strain of each
         column), ``residual_crush`` [m], ``column_position`` (n, 3) [m] in the helmet frame."""
         extras: dict[str, Any] = {"notes": list(self.notes)}
-        geometry, foam, _, largest, *_ = self._liner
-        if len(geometry):
+        liner = self._forces.liner
+        if len(liner.largest):
+            strains = residual_strains(liner.largest, liner.columns.foam)
             extras |= {
-                "crush": largest.copy(),
-                "residual_crush": residual_strains(largest, foam) * geometry[:, THICKNESS],
-                "column_position": geometry[:, POINT : POINT + 3].copy(),
+                "crush": liner.largest.copy(),
+                "residual_crush": strains * liner.columns.thickness,
+                "column_position": liner.columns.point.copy(),
             }
         return extras
+
+
+def _part(loads: FloatArray, start: int) -> FloatArray:
+    part: FloatArray = loads[:, start : start + 3]
+    return part
 
 
 def _turned(matrices: FloatArray, vectors: FloatArray) -> FloatArray:

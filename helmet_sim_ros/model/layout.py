@@ -12,18 +12,19 @@ class Layout:
     """Indices of one compiled model.
 
     Attributes:
-        slides: first coupling slide in qpos and in qvel (-1: a foam helmet, which has none),
-            helmet body, head body.
+        helmet, head: indices of the bodies.
+        slide, slide_velocity: first coupling slide in qpos and in qvel; -1: a foam helmet, which
+            has none.
         joints: names of the body's joints; ``qpos``, ``qvel`` their places, (m,).
     """
 
     def __init__(self, model: mujoco.MjModel) -> None:
-        helmet = int(model.body("helmet").id)
-        head = int(model.body("head").id)
-        self.slides = (-1, -1, helmet, head)
+        self.helmet = int(model.body("helmet").id)
+        self.head = int(model.body("head").id)
+        self.slide = self.slide_velocity = -1
         if int(model.body("helmet").jntnum[0]) == 3:
             first = model.joint("coupling_x")
-            self.slides = (int(first.qposadr[0]), int(first.dofadr[0]), helmet, head)
+            self.slide, self.slide_velocity = int(first.qposadr[0]), int(first.dofadr[0])
         names = [model.joint(j).name for j in range(model.njnt)]
         body = [j for j, n in enumerate(names) if n != "root" and not n.startswith("coupling_")]
         self.joints = tuple(names[j] for j in body)

@@ -1,4 +1,4 @@
-"""The one stepping loop: coupling and contact forces in, samples out; compiled by numba.
+"""The one stepping loop: every force in, samples out; compiled by numba.
 
 ``mj_step`` is taken apart, so that the forces see the present positions and velocities and not
 those of the step before. Left out is what this model has no use for (collisions, constraints,
@@ -13,21 +13,26 @@ from __future__ import annotations
 
 import logging
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
 import llvmlite.binding
 import mujoco
 import numpy as np
-from numba import njit, types
+from numba import types
 from numpy.typing import NDArray
 
 from helmet_sim_ros.biomech.record import FloatArray
-from helmet_sim_ros.model import contact, coupling, foam, liner, stops, tree
-from helmet_sim_ros.model.contact import ground_contact
-from helmet_sim_ros.model.coupling import spring_force
-from helmet_sim_ros.model.liner import crush, head_friction
-from helmet_sim_ros.model.stops import stop_torques
-from helmet_sim_ros.model.tree import about_mass_centers, add_generalised
+from helmet_sim_ros.model.compiled import compiled, inlined
+from helmet_sim_ros.model.force import contact, fit, liner, spring, stops
+from helmet_sim_ros.model.force.bodies import (
+    Chains,
+    Loads,
+    Motion,
+    about_mass_centers,
+    add_generalised,
+    clear,
+)
+from helmet_sim_ros.model.surface.compiled import Surface
 
 
 def _link_mujoco() -> None:
@@ -45,7 +50,7 @@ def _link_mujoco() -> None:
 _link_mujoco()
 
 
-def _mujoco_function(name: str) -> Any:
+def _mujoco_function(name: str) -> types.ExternalFunction:
     """A C function of model and data."""
     return types.ExternalFunction(name, types.void(types.intp, types.intp))
 
@@ -57,120 +62,141 @@ _acceleration = _mujoco_function("mj_fwdAcceleration")
 _rne_post = _mujoco_function("mj_rnePostConstraint")
 _sensor_pos, _sensor_vel = _mujoco_function("mj_sensorPos"), _mujoco_function("mj_sensorVel")
 _sensor_acc = _mujoco_function("mj_sensorAcc")
-_integrate_pos: Any = types.ExternalFunction(
+_integrate_pos = types.ExternalFunction(
     "mj_integratePos", types.void(types.intp, types.intp, types.intp, types.double)
 )
 
 
-@njit(cache=True, nogil=True)
+class Engine(NamedTuple):
+    """MuJoCo's side of a step.
+
+    Attributes:
+        model, data: addresses of mjModel and mjData.
+        acceleration: view of qacc_smooth; ``sampled_acceleration`` of qacc, which sensors read.
+        cartesian: view of xfrc_applied, which sensors read.
+        sensors: view of sensordata.
+        mass: view of M; ``diagonal``: where its diagonal stands there.
+        damping: what the joints' damping adds to the diagonal in an implicit step.
+        chains: the kinematic tree.
+    """
+
+    model: int
+    data: int
+    acceleration: FloatArray
+    sampled_acceleration: FloatArray
+    cartesian: FloatArray
+    sensors: FloatArray
+    mass: FloatArray
+    diagonal: NDArray[np.int64]
+    damping: FloatArray
+    chains: Chains
+
+
+class Forces(NamedTuple):
+    """Every force of the model with its state, and what is struck."""
+
+    surface: Surface
+    spring: spring.CouplingSpring
+    stops: stops.Stops
+    contact: contact.Contact
+    liner: liner.CrushingLiner
+    fit: fit.Fit
+
+
+class Rows(NamedTuple):
+    """Samples to write, one row each.
+
+    Attributes:
+        qpos, qvel, sensors: MuJoCo's.
+        coupling, surface: see :class:`helmet_sim_ros.model.force.bodies.Loads`.
+        crush: of a foam helmet: depth of the undeformed shell [m] times the outward normal.
+    """
+
+    qpos: FloatArray
+    qvel: FloatArray
+    sensors: FloatArray
+    coupling: FloatArray
+    surface: FloatArray
+    crush: FloatArray
+
+
+class Clock(NamedTuple):
+    """Integration step [s], and how many of them make a sample."""
+
+    step: float
+    substeps: int
+
+
+@inlined
+def sample(engine: Engine, motion: Motion, loads: Loads, rows: Rows, i: int) -> None:
+    """Write the present state, its sensors and loads into row i; leaves the acceleration."""
+    _factor_m(engine.model, engine.data)
+    _acceleration(engine.model, engine.data)
+    engine.sampled_acceleration[:] = engine.acceleration
+    _sensor_pos(engine.model, engine.data)
+    _sensor_vel(engine.model, engine.data)
+    about_mass_centers(motion, loads, engine.cartesian)
+    _rne_post(engine.model, engine.data)
+    _sensor_acc(engine.model, engine.data)
+    engine.cartesian[:] = 0.0  # the generalised forces have them already
+    rows.qpos[i] = motion.qpos
+    rows.qvel[i] = motion.qvel
+    rows.sensors[i] = engine.sensors
+    rows.coupling[i] = loads.coupling
+    rows.surface[i] = loads.surface
+
+
+@compiled
 def advance(
-    model: int,
-    data: int,
-    step: float,
-    substeps: int,
+    engine: Engine,
+    motion: Motion,
+    loads: Loads,
+    forces: Forces,
+    clock: Clock,
+    rows: Rows,
     first: int,
     last: int,
-    states: tuple[FloatArray, ...],
-    frames: tuple[FloatArray, ...],
-    forces: tuple[FloatArray, FloatArray],
-    inertia: tuple[FloatArray, NDArray[np.int64], FloatArray],
-    chains: tuple[NDArray[np.int64], NDArray[np.int64]],
-    slides: tuple[int, int, int, int],
-    spring: tuple[FloatArray, float, FloatArray],
-    shapes: tuple[NDArray[np.int64], FloatArray, FloatArray, FloatArray, FloatArray],
-    foam_liner: tuple[
-        FloatArray, FloatArray, float, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray
-    ],
-    near: tuple[NDArray[np.int64], FloatArray],
-    joint_stops: tuple[NDArray[np.int64], FloatArray],
-    samples: tuple[FloatArray, ...],
 ) -> int:
     """Step from sample ``first`` up to ``last``; each row is the state before its step.
 
     Args:
-        model, data: addresses of mjModel and mjData.
-        step: integration step [s].
-        substeps: integration steps per sample.
-        states: views of qpos, qvel, qacc, qacc_smooth, sensordata.
-        frames: views of xpos, xmat, xipos, cvel, cdof and the row of subtree_com of the tree's
-            root.
-        forces: views of qfrc_applied and xfrc_applied.
-        inertia: view of M, index of its diagonal, what the joints' damping adds there.
-        chains: see :mod:`helmet_sim_ros.model.tree`.
-        slides: index of the first coupling slide in qpos and in qvel (negative: a foam helmet,
-            which has none), and the bodies of helmet and head.
-        spring: law table, energy loss, state; see :mod:`helmet_sim_ros.model.coupling`.
-        shapes: body, centre, semi-axes, law, stick; see :mod:`helmet_sim_ros.model.contact`.
-        foam_liner: geometry, foam, friction, largest and residual strains and stick of the foam
-            columns (no rows for a spring helmet); constants of the padding, stick of the head in
-            it. See :mod:`helmet_sim_ros.model.liner`.
-        near: which columns may touch the ground; see there.
-        joint_stops: joint addresses and laws; see :mod:`helmet_sim_ros.model.stops`.
-        samples: rows of qpos, qvel, sensordata, the spring's force on the shell (3) and the
-            ground's two wrenches (2, 6) to write.
+        engine, motion, loads: of one simulation.
+        forces: their states are changed in place.
+        clock: integration step and steps per sample.
+        rows: samples to write.
 
     Returns:
         ``last``, or the index of the first sample at or after which the acceleration is not finite.
     """
-    qpos, qvel, qacc, acceleration, sensors = states
-    xpos, xmat, xipos, cvel, cdof, center_of_mass = frames
-    generalised, cartesian = forces
-    mass, diagonal, damping = inertia
-    law, energy_loss, spring_state = spring
-    body, center, semi_axes, contact_law, stick = shapes
-    q_rows, v_rows, sensor_rows, spring_rows, wrench_rows = samples
-    columns, foam_rows, friction, largest, rest, shear, padding, slip = foam_liner
-    q0, v0, helmet, head = slides
+    # Arrays are taken out of their tuples once: each access counts references.
+    model, data, step = engine.model, engine.data, clock.step
+    mass, diagonal, damping = engine.mass, engine.diagonal, engine.damping
+    acceleration, qpos, qvel = engine.acceleration, motion.qpos, motion.qvel
+    struck, sprung, stopped, touching, crushing, fitted = forces
+    foam = len(crushing.columns.area) > 0
     damped = damping.any()
-    scratch_force, scratch_wrench = np.zeros(3), np.zeros((2, 6))
-    wrenches = np.zeros(cartesian.shape)
     for i in range(first, last):
-        for substep in range(substeps):
-            sampled = substep == 0
-            force = spring_rows[i] if sampled else scratch_force
-            wrench = wrench_rows[i] if sampled else scratch_wrench
+        for substep in range(clock.substeps):
             _kinematics(model, data)
             _com_pos(model, data)
             _make_m(model, data)
             _velocity(model, data)
 
-            generalised[:] = 0.0
-            if q0 >= 0:
-                spring_force(qpos[q0 : q0 + 3], law, energy_loss, spring_state, force)
-                generalised[v0 : v0 + 3] = force
-            stop_torques(joint_stops[0], joint_stops[1], qpos, qvel, generalised)
-            wrenches[:] = 0.0
-            ground_contact(
-                helmet, body, center, semi_axes, contact_law, stick, step,
-                xpos, xmat, cvel, center_of_mass, wrenches, wrench,
-            )  # fmt: skip
-            if q0 < 0:
-                crush(
-                    columns, foam_rows, friction, step, near[0], near[1], largest, rest,
-                    shear, xpos[helmet], xmat[helmet], cvel[helmet], center_of_mass,
-                    wrenches[helmet], wrench[0],
-                )  # fmt: skip
-                head_friction(
-                    padding[0], padding[1], padding[2], padding[3], wrench[0, 2], step, slip,
-                    xpos[head], cvel[helmet], cvel[head], center_of_mass, wrenches[helmet],
-                    wrenches[head],
-                )  # fmt: skip
-            add_generalised(wrenches, chains[0], chains[1], cdof, generalised)
+            clear(loads)
+            stops.apply(stopped, motion, loads)
+            contact.apply(touching, struck, step, motion, loads)
+            if foam:
+                liner.apply(crushing, struck, step, motion, loads)
+                fit.apply(fitted, step, motion, loads)
+            else:
+                spring.apply(sprung, motion, loads)
+            add_generalised(motion, loads, engine.chains)
 
-            if sampled:
-                _factor_m(model, data)
-                _acceleration(model, data)
-                qacc[:] = acceleration
-                _sensor_pos(model, data)
-                _sensor_vel(model, data)
-                about_mass_centers(wrenches, center_of_mass, xipos, cartesian)
-                _rne_post(model, data)
-                _sensor_acc(model, data)
-                cartesian[:] = 0.0  # the generalised forces have them already
-                q_rows[i] = qpos
-                v_rows[i] = qvel
-                sensor_rows[i] = sensors
-            if damped or not sampled:
+            if substep == 0:
+                sample(engine, motion, loads, rows, i)
+                if foam:
+                    liner.crush(crushing, struck, motion, rows.crush[i])
+            if damped or substep > 0:
                 for k in range(len(diagonal)):
                     mass[diagonal[k]] += damping[k]
                 _factor_m(model, data)
@@ -181,19 +207,3 @@ def advance(
                 qvel[k] += step * acceleration[k]
             _integrate_pos(model, qpos.ctypes.data, qvel.ctypes.data, step)
     return last
-
-
-def _forget_stale_code() -> None:
-    """Drop cached machine code older than any of the functions it was built from.
-
-    Numba compares the cache with this file only, not with the files of the functions it calls.
-    """
-    cache = Path(str(advance.stats.cache_path))
-    sources = [str(module.__file__) for module in (contact, coupling, foam, liner, stops, tree)]
-    changed = max(Path(source).stat().st_mtime for source in sources)
-    for file in cache.glob(f"{Path(__file__).stem}.advance-*"):
-        if file.stat().st_mtime < changed:
-            file.unlink(missing_ok=True)
-
-
-_forget_stale_code()

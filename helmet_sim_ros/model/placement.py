@@ -1,4 +1,4 @@
-"""Where the rider is at the first touch: the helmet on the ground, all moving as one."""
+"""Where the rider is at the first touch: the helmet on the surface, all moving as one."""
 
 from __future__ import annotations
 
@@ -8,44 +8,85 @@ import mujoco
 import numpy as np
 
 from helmet_sim_ros.biomech.record import FloatArray
-from helmet_sim_ros.model.contact import Shapes
+from helmet_sim_ros.errors import SetupError
+from helmet_sim_ros.model.force import contact as contacts
+from helmet_sim_ros.model.force.bodies import motion_of
+from helmet_sim_ros.model.force.contact import Contact
 from helmet_sim_ros.model.setup import ImpactSetup
+from helmet_sim_ros.model.surface.compiled import Surface
+
+LIFTS = 100  # steps along the target's normal until nothing overlaps
+OVERLAP = 1e-9  # m, that is left
 
 
 def place(
-    model: mujoco.MjModel, data: mujoco.MjData, shapes: Shapes, setup: ImpactSetup
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    contact: Contact,
+    surface: Surface,
+    setup: ImpactSetup,
 ) -> tuple[str, ...]:
-    """Set pose and velocity: helmet just touching at the world origin, all moving as one.
+    """Set pose and velocity: helmet just touching the surface's target, all moving as one.
 
     Args:
         model: compiled.
         data: new or reset; its qpos and qvel are set.
-        shapes: what may touch the ground besides a foam liner.
+        contact: what may touch the surface besides a foam liner.
+        surface: what is struck.
         setup: of the impact.
 
     Returns:
         What a user should know about the pose, in words.
+
+    Raises:
+        SetupError: the helmet cannot reach the target before something overlaps the surface.
     """
-    rotation = head_to_world(setup)
+    target, frame = setup.surface_config.frame
+    rotation = frame @ head_in_frame(setup)
+    normal = frame[:, 2]
     # A spring at rest: posture and neck flexion are the springs' reference angles.
     hinges = model.jnt_qposadr[model.jnt_type == int(mujoco.mjtJoint.mjJNT_HINGE)]
     data.qpos[hinges] = model.qpos_spring[hinges]
     shell = setup.helmet_config.shell
-    down = rotation.T @ np.array([0.0, 0.0, -1.0])
+    down = rotation.T @ -normal
     axes = np.array(shell.semi_axes)
     touch = np.array(shell.center) + axes**2 * down / np.linalg.norm(axes * down)
-    place_head(model, data, -rotation @ touch, rotation)
+    place_head(model, data, target - rotation @ touch, rotation)
     heading = math.radians(setup.tangential_heading_deg)
-    data.qvel[0] = setup.tangential_velocity * math.cos(heading)
-    data.qvel[1] = setup.tangential_velocity * math.sin(heading)
-    data.qvel[2] = -setup.normal_velocity
-    name, lowest = _lowest_body_part(model, data, shapes)
-    if lowest >= 0.0:
+    along = setup.tangential_velocity * np.array([math.cos(heading), math.sin(heading), 0.0])
+    data.qvel[0:3] = frame @ (along - [0.0, 0.0, setup.normal_velocity])
+    return _lift(model, data, contact, surface, setup, normal)
+
+
+def _lift(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    contact: Contact,
+    surface: Surface,
+    setup: ImpactSetup,
+    normal: FloatArray,
+) -> tuple[str, ...]:
+    """Move everything along the target's normal until nothing overlaps the surface."""
+    lifted, first = 0.0, -1
+    for _ in range(LIFTS):
+        which, shape, depth = contacts.deepest(contact, surface, motion_of(data))
+        if depth <= OVERLAP:
+            break
+        first = which
+        data.qpos[0:3] += depth * normal
+        lifted += depth
+        mujoco.mj_kinematics(model, data)
+    else:
+        raise SetupError.of(
+            "impact.surface", setup.surface,
+            f"{model.body(contact.body[first]).name} lies {depth * 1e3:.1f} mm in shape {shape} of "
+            "it wherever the helmet strikes; choose another surface, direction or body_angle_deg",
+        )  # fmt: skip
+    if first < 0:
         return ()
-    data.qpos[2] -= lowest
     return (
-        f"{name} touches the ground first, the helmet starts {-lowest * 1e3:.1f} mm above it; "
-        "a larger body_angle_deg lets the helmet strike first",
+        f"{model.body(contact.body[first]).name} touches the ground first, the helmet starts "
+        f"{lifted * 1e3:.1f} mm above it; a larger body_angle_deg lets the helmet strike first",
     )
 
 
@@ -67,32 +108,22 @@ def place_head(
     mujoco.mj_kinematics(model, data)
 
 
-def _lowest_body_part(
-    model: mujoco.MjModel, data: mujoco.MjData, shapes: Shapes
-) -> tuple[str, float]:
-    """Name and height [m] of the lowest point of the body, helmet left out."""
-    heights = shapes.lowest_points(data.xpos, data.xmat)
-    heights[shapes.body == model.body("helmet").id] = math.inf
-    if not len(heights):
-        return "", math.inf
-    lowest = int(heights.argmin())
-    return model.body(shapes.body[lowest]).name, float(heights[lowest])
+def head_in_frame(setup: ImpactSetup) -> FloatArray:
+    """Rotation matrix from the head to the frame of the surface's target at the first touch,
+    shape (3, 3).
 
-
-def head_to_world(setup: ImpactSetup) -> FloatArray:
-    """Rotation matrix head to world at the first touch, shape (3, 3).
-
-    A headform strikes with the axis of ``direction`` straight down. A rider lies with the body
-    axis (feet to head) along world x, inclined head down by ``body_angle_deg``, turned about it
-    so that the side named by ``direction`` faces the ground (``top``: prone), and the head is
-    bent towards the chest by the neck flexion.
+    That frame has z along the outward normal; on flat ground it is the world's. A headform
+    strikes with the axis of ``direction`` straight down. A rider lies with the body axis (feet
+    to head) along x, inclined head down by ``body_angle_deg``, turned about it so that the side
+    named by ``direction`` faces the surface (``top``: prone), and the head is bent towards the
+    chest by the neck flexion.
     """
     down = np.array([0.0, 0.0, -1.0])
     if setup.rig == "headform":
         forward = np.array([1.0, 0.0, 0.0])
         if setup.direction == "top":
             return _frame("front", forward, down)
-        return _frame(setup.direction, down, forward)  # the crown points along world x
+        return _frame(setup.direction, down, forward)  # the crown points along x
     beta = math.radians(setup.body_angle_deg)
     up = np.array([math.cos(beta), 0.0, -math.sin(beta)])
     facing = np.array([-math.sin(beta), 0.0, -math.cos(beta)])
@@ -105,7 +136,7 @@ def head_to_world(setup: ImpactSetup) -> FloatArray:
 
 
 def _frame(direction: str, facing: FloatArray, up: FloatArray) -> FloatArray:
-    """Head axes in world axes, the named side along ``facing``, z along ``up``."""
+    """Head axes, the named side along ``facing``, z along ``up``."""
     beside = np.array(  # up x facing
         [
             up[1] * facing[2] - up[2] * facing[1],

@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 
 from helmet_sim_ros.errors import Problem, SetupError
 from helmet_sim_ros.model.helmet import Helmet, load_helmet
+from helmet_sim_ros.model.surface.config import SurfaceConfig, load_surface
 from helmet_sim_ros.schema import Config, leaf_values, leaves, quantity
 
 Rig = Literal["rider", "headform"]
@@ -66,28 +67,33 @@ class ImpactSetup(Config):
 
     rig: Rig = Field("rider", description="whole rider, or head and helmet alone")
     direction: Direction = Field(
-        "left", description="part of the helmet that strikes the ground (side = left)"
+        "left", description="part of the helmet that strikes the surface (side = left)"
     )
     normal_velocity: float = quantity(
-        "speed into the ground at first touch", "m/s", 5.0, gt=0.0, le=30.0
+        "speed into the surface at first touch", "m/s", 5.0, gt=0.0, le=30.0
     )
     tangential_velocity: float = quantity(
-        "speed along the ground at first touch", "m/s", 0.0, ge=0.0, le=60.0
+        "speed along the surface at first touch", "m/s", 0.0, ge=0.0, le=60.0
     )
     tangential_heading_deg: float = quantity(
-        "heading of the tangential speed in the ground plane, from the body axis (feet to head), "
-        "counter-clockwise seen from above",
+        "heading of the tangential speed along the surface, from the body axis (feet to head), "
+        "counter-clockwise seen from outside",
         "deg", 90.0, ge=-360.0, le=360.0,
     )  # fmt: skip
     body_angle_deg: float = quantity(
-        "angle between body axis and ground, head down", "deg", 30.0, ge=0.0, le=90.0
+        "angle between body axis and surface, head down", "deg", 30.0, ge=0.0, le=90.0
     )
     neck_flexion_deg: float | None = quantity(
         "head bent towards the chest at first touch; unset: 0, and for direction top what turns "
         "the crown to the ground, at most 60",
         "deg", None, ge=-60.0, le=MAX_NECK_FLEXION_DEG,
     )  # fmt: skip
-    friction: float = quantity("friction of shell on ground", "-", 0.4, ge=0.0, le=2.0)
+    surface: str = Field(
+        "ground", description="what is struck: name in config/surfaces, or path to a YAML file"
+    )
+    friction: float | None = quantity(
+        "friction of shell on surface; unset: the surface's", "-", None, ge=0.0, le=2.0
+    )
     gravity: float = quantity("gravity, downwards", "m/s^2", 9.80665, ge=0.0, le=30.0)
     helmet: str = Field("fullface", description="name in config/helmets, or path to a YAML file")
     rider: Rider = Field(default_factory=Rider)
@@ -118,7 +124,7 @@ class ImpactSetup(Config):
     def _resolvable(self) -> ImpactSetup:
         if self.duration < 10 * self.time_step:
             raise SetupError.of("duration", self.duration, "must be at least 10 time steps")
-        _ = self.helmet_config  # refuse a bad helmet now, not when it runs
+        _ = self.helmet_config, self.surface_config  # refuse a bad file now, not when it runs
         return self
 
     @cached_property
@@ -134,6 +140,16 @@ class ImpactSetup(Config):
             raise SetupError(
                 [Problem(_prefixed(prefix, p.key), p.value, p.allowed) for p in error.problems]
             ) from None
+
+    @cached_property
+    def surface_config(self) -> SurfaceConfig:
+        """What is struck."""
+        return load_surface(self.surface)
+
+    @property
+    def resolved_friction(self) -> float:
+        """The friction of the shell on what it meets first [-]."""
+        return self.surface_config.friction if self.friction is None else self.friction
 
     @property
     def samples(self) -> int:
@@ -153,6 +169,7 @@ class ImpactSetup(Config):
         """Every value by its dotted name, as plain JSON data, for logs and provenance."""
         values = {name: getattr(self, field) for name, field in _SETUP_KEYS.items()}
         values["impact.neck_flexion_deg"] = self.resolved_neck_flexion_deg
+        values["impact.friction"] = self.resolved_friction
         values |= {f"rider.{k}": v for k, v in leaf_values(self.rider).items()}
         values["helmet.name"] = self.helmet
         values |= {f"helmet.{k}": v for k, v in leaf_values(self.helmet_config).items()}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 
 import mujoco
@@ -13,20 +13,24 @@ from numpy.typing import NDArray
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.model.anthropometry import anthropometry
 from helmet_sim_ros.model.body import BODY_CONTACT, add_body
-from helmet_sim_ros.model.contact import FRICTION, Shapes
-from helmet_sim_ros.model.coupling import deepest, law_table, unloading_exponent
+from helmet_sim_ros.model.force.bodies import Chains, chains
+from helmet_sim_ros.model.force.columns import Columns, columns, no_columns
+from helmet_sim_ros.model.force.contact import Contact
+from helmet_sim_ros.model.force.spring import deepest, law_table, unloading_exponent
+from helmet_sim_ros.model.force.stops import Stops, joint_stops
 from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.layout import Layout
-from helmet_sim_ros.model.liner import Columns, columns, no_columns
 from helmet_sim_ros.model.placement import place
 from helmet_sim_ros.model.setup import ImpactSetup, Rider
-from helmet_sim_ros.model.stops import Stops, joint_stops
-from helmet_sim_ros.model.tree import Chains, chains
+from helmet_sim_ros.model.surface.config import SurfaceConfig
+from helmet_sim_ros.model.surface.drawing import add_geoms
+from helmet_sim_ros.model.surface.compiled import Surface
 
 MAX_STEP = 5e-5  # s, largest integration step: peaks within 1 % (test_model_impact)
 MIN_STEP = 2e-6  # s; a shell so light or stiff that it needs less may diverge, and says so
 STABLE_SHARE = 0.9
 BODY_MARGIN = 1.3  # energy the body feeds into the spring, over that of head and helmet
+OF_THE_SURFACE = -1.0  # friction of the shell: whatever it strikes has its own
 ARENA = 1 << 20  # bytes of working memory per simulation
 HELMET_COLOR = (0.20, 0.36, 0.62, 0.9)
 GROUND_COLOR = (0.55, 0.55, 0.55, 1.0)
@@ -39,7 +43,7 @@ class Parts:
     Attributes:
         model: compiled model.
         spec: the same as an editable specification, for export.
-        shapes: what may touch the ground by a stiff contact.
+        contact: what may touch the surface by a stiff contact, as long as nothing has moved.
         columns: the foam helmet's columns, none for a spring helmet.
         stops: of the body's joints.
         chains: see :mod:`helmet_sim_ros.model.tree`.
@@ -50,7 +54,7 @@ class Parts:
 
     model: mujoco.MjModel
     spec: mujoco.MjSpec
-    shapes: Shapes
+    contact: Contact
     columns: Columns
     stops: Stops
     chains: Chains
@@ -65,40 +69,41 @@ class World:
     Attributes:
         parts: shared with other impacts.
         data: holds the initial state.
-        shapes: ``parts.shapes`` with the friction of this setup.
+        surface: what is struck, with the friction of this setup.
+        contact: ``parts.contact`` with a state of its own.
         substeps: integration steps per sample.
         notes: what a user should know about this setup, in words.
     """
 
     parts: Parts
     data: mujoco.MjData
-    shapes: Shapes
+    surface: Surface
+    contact: Contact
     substeps: int
     notes: tuple[str, ...]
 
 
 def build(setup: ImpactSetup) -> World:
-    """Compile the model of a setup and place it at the first touch of the ground."""
+    """Compile the model of a setup and place it at the first touch of the surface."""
     steps = substeps(setup)
     parts = _parts(
         setup.rig, setup.rider, setup.helmet_config, setup.resolved_neck_flexion_deg,
-        setup.gravity, setup.time_step / steps,
+        setup.gravity, setup.time_step / steps, setup.surface_config,
     )  # fmt: skip
-    shapes = parts.shapes
-    if setup.helmet_config.coupling == "spring":
-        law = shapes.law.copy()
-        law[0, FRICTION] = setup.friction  # row 0 is the shell
-        shapes = replace(shapes, law=law)
+    surface = setup.surface_config.compiled(setup.friction)
+    contact = parts.contact.fresh(len(surface.kind))
     data = mujoco.MjData(parts.model)
-    notes = place(parts.model, data, shapes, setup)
-    return World(parts, data, shapes, steps, notes)
+    notes = place(parts.model, data, contact, surface, setup)
+    return World(parts, data, surface, contact, steps, notes)
 
 
 @lru_cache(maxsize=8)
 def _parts(
-    rig: str, rider: Rider, helmet: Helmet, neck_flexion_deg: float, gravity: float, step: float
-) -> Parts:
+    rig: str, rider: Rider, helmet: Helmet, neck_flexion_deg: float, gravity: float, step: float,
+    surface: SurfaceConfig,
+) -> Parts:  # fmt: skip
     spec = _empty_world(gravity, step)
+    add_geoms(spec, surface, GROUND_COLOR)
     body = anthropometry(rider)
     if rig == "rider":
         head = add_body(spec, rider, body, math.radians(neck_flexion_deg))
@@ -112,7 +117,7 @@ def _parts(
     model = spec.compile()
     foam = helmet.coupling == "foam"
     return Parts(
-        model, spec, _contact_shapes(model, helmet), columns(helmet) if foam else no_columns(),
+        model, spec, _ellipsoids(model, helmet), columns(helmet) if foam else no_columns(),
         joint_stops(model), chains(model), _damped_diagonal(model), Layout(model),
     )  # fmt: skip
 
@@ -159,15 +164,12 @@ def _empty_world(gravity: float, step: float) -> mujoco.MjSpec:
     option.solver = mujoco.mjtSolver.mjSOL_NEWTON
     # A diverged state must be seen, not silently reset.
     option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
-    # Ground and joint stops act through model/contact.py and model/stops.py.
+    # Ground and joint stops act through model/force/contact.py and model/force/stops.py.
     option.disableflags |= int(
         mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT
     )
     spec.memory = ARENA  # no contact, no constraint: next to nothing is needed
     spec.visual.global_.offwidth, spec.visual.global_.offheight = 1920, 1080
-    spec.worldbody.add_geom(
-        name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1], rgba=list(GROUND_COLOR)
-    )
     return spec
 
 
@@ -225,7 +227,7 @@ def _add_sensors(spec: mujoco.MjSpec, rig: str) -> None:
         spec.add_sensor(name=name, type=sensor, objtype=objtype, objname=objname)
 
 
-def _contact_shapes(model: mujoco.MjModel, helmet: Helmet) -> Shapes:
+def _ellipsoids(model: mujoco.MjModel, helmet: Helmet) -> Contact:
     """The shell of a spring helmet, and every geom of the body; a capsule touches with the
     spheres at its ends."""
     shell = int(model.body("helmet").id)
@@ -238,18 +240,19 @@ def _contact_shapes(model: mujoco.MjModel, helmet: Helmet) -> Shapes:
         [2 * (x * z + w * y), 2 * (y * z - w * x), w * w - x * x - y * y + z * z]
     )
     size = model.geom_size[geoms]
-    shapes = Shapes(
-        model.geom_bodyid[geoms].astype(np.int64),
-        model.geom_pos[geoms] + (ends * size[:, 1])[:, None] * axis,
-        np.where(capsule[:, None], size[:, :1], size),
-        np.tile(BODY_CONTACT, (len(geoms), 1)),
-    )
-    if helmet.coupling == "foam":
-        return shapes
-    law = (helmet.shell.contact_stiffness, helmet.shell.contact_damping, 0.0)
-    return Shapes(
-        np.concatenate([[shell], shapes.body]),
-        np.vstack([helmet.shell.center, shapes.center]),
-        np.vstack([helmet.shell.semi_axes, shapes.semi_axes]),
-        np.vstack([law, shapes.law]),
-    )
+    body = model.geom_bodyid[geoms].astype(np.int64)
+    center = model.geom_pos[geoms] + (ends * size[:, 1])[:, None] * axis
+    semi_axes = np.where(capsule[:, None], size[:, :1], size)
+    law = np.tile(BODY_CONTACT, (len(geoms), 1))
+    if helmet.coupling == "spring":
+        own = helmet.shell
+        body = np.concatenate([[shell], body])
+        center = np.vstack([own.center, center])
+        semi_axes = np.vstack([own.semi_axes, semi_axes])
+        law = np.vstack([(own.contact_stiffness, own.contact_damping, OF_THE_SURFACE), law])
+    stiffness, damping, friction = (np.ascontiguousarray(column) for column in law.T)
+    state = np.zeros((len(body), 0, 3))
+    return Contact(
+        shell, body, center, semi_axes, semi_axes.max(axis=1, initial=0.0), stiffness, damping,
+        friction, state, state,
+    )  # fmt: skip

@@ -37,8 +37,8 @@ from helmet_sim_ros.nodes.process import answering, run_node, wait
 from helmet_sim_ros.nodes.qos import CRITERIA, LATCHED
 from helmet_sim_ros.nodes.setup_parameters import NOT_A_PARAMETER
 from helmet_sim_ros.schema import Config, leaves, quantity
-from helmet_sim_ros.study.overrides import parse_overrides
-from helmet_sim_ros.study.scenario import Case, Scenario, load_scenario
+from helmet_sim_ros.study.scenario.matrix import Case, Scenario, load_scenario
+from helmet_sim_ros.study.scenario.overrides import parse_overrides
 
 #: How long the other nodes may take to appear [s].
 START_TIMEOUT = 30.0

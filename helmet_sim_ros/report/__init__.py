@@ -1,0 +1,1 @@
+"""What people see of impacts: pages, videos, figures and tables. ROS-free."""

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from importlib import import_module
-from typing import Any
+from types import ModuleType
 
 from helmet_sim_ros.errors import StudyError
 
 
-def need(module: str) -> Any:
+def need(module: str) -> ModuleType:
     """A module of the extra ``study``.
 
     Raises:

@@ -1,0 +1,91 @@
+"""Compiled functions, cached by the content of all sources that they are built from.
+
+Numba keys a cached function by the file that holds it, not by the files of the functions it calls:
+an edited constant would leave its callers' old machine code in use. Here the cache folder carries
+a digest of every source of this package's model, so edited sources never meet old machine code.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import time
+from collections.abc import Callable
+from functools import lru_cache
+from pathlib import Path
+from typing import TypeVar
+
+import numba
+
+F = TypeVar("F", bound=Callable[..., object])
+
+SOURCES = Path(__file__).resolve().parent
+OLD = 86400.0  # s; younger caches of other sources may be in use by running processes
+
+
+def compiled(function: F) -> F:
+    """Decorator: compile at first call, without the interpreter lock, cached on disk."""
+    return _compiled(function, "never")
+
+
+def inlined(function: F) -> F:
+    """Decorator: as :func:`compiled`, written into the functions that call it. For small functions
+    of the innermost loops that take or return many numbers, where a call costs more than they do."""
+    return _compiled(function, "always")
+
+
+def _compiled(function: F, inline: str) -> F:
+    before = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = str(cache_folder())
+    try:
+        return numba.njit(cache=True, nogil=True, inline=inline)(function)  # type: ignore[no-any-return]
+    finally:
+        numba.config.CACHE_DIR = before
+
+
+def source_digest(folder: Path = SOURCES) -> str:
+    """First 16 digits of the SHA-256 of all Python sources below a folder, names included."""
+    digest = hashlib.sha256()
+    for path in sorted(folder.rglob("*.py")):
+        content = path.read_bytes()
+        digest.update(f"{path.relative_to(folder).as_posix()}\0{len(content)}\0".encode())
+        digest.update(content)
+    return digest.hexdigest()[:16]
+
+
+@lru_cache(maxsize=1)
+def cache_folder() -> Path:
+    """The folder for the machine code of the present sources: below ``NUMBA_CACHE_DIR`` if set,
+    else beside the sources, else (not writable) in the user's cache."""
+    root = _writable_root()
+    folder = root / source_digest()
+    if not folder.is_dir():
+        folder.mkdir(parents=True, exist_ok=True)
+        _drop_old(root, folder)
+    return folder
+
+
+def _writable_root() -> Path:
+    if numba.config.CACHE_DIR:
+        return Path(numba.config.CACHE_DIR) / "helmet_sim_ros"
+    own = SOURCES / "__pycache__" / "machine_code"
+    try:
+        own.mkdir(parents=True, exist_ok=True)
+        probe = own / f".probe-{time.monotonic_ns()}"
+        probe.touch()
+        probe.unlink()
+        return own
+    except OSError:
+        user = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+        return Path(user) / "helmet_sim_ros" / "machine_code"
+
+
+def _drop_old(root: Path, keep: Path) -> None:
+    for other in root.iterdir():
+        try:
+            stale = other != keep and other.is_dir() and time.time() - other.stat().st_mtime > OLD
+        except OSError:  # another process was faster
+            continue
+        if stale:
+            shutil.rmtree(other, ignore_errors=True)

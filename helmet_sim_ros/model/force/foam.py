@@ -1,0 +1,129 @@
+"""Crushable EPS foam: stress over strain and density, with a memory of the largest strain.
+
+Loading: elastic rise to the dynamic yield stress, then a plateau that stiffens as the cell gas is
+compressed and the walls meet (Gibson & Ashby, Cellular Solids, 2nd ed. 1997, ch. 5; used for
+helmet liners by Mills, Polymer Foams Handbook, 2007, ch. 16)::
+
+    s = min(E e, s_y) + p0 e / (1 - r - e)
+
+with p0 the atmospheric pressure and r = density / 1050 kg/m^3 the relative density of EPS.
+Yield stress and modulus follow powers of the density. Unloading from the largest strain is a
+straight line that returns a stated share of the loading energy; the rest of the strain stays.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from helmet_sim_ros.biomech.record import FloatArray
+from helmet_sim_ros.model.compiled import compiled
+
+SOLID_DENSITY = 1050.0  # kg/m^3, polystyrene (Gibson & Ashby, table 3.1)
+GAS_PRESSURE = 101_325.0  # Pa, cell gas at the start
+#: Dynamic yield stress [Pa] at 40 kg/m^3 and exponent of density: through 0.30-0.45 MPa at 40,
+#: 0.60-0.70 at 62 and 0.90 at 80 kg/m^3 (general literature values).
+YIELD_AT_40 = 0.375e6
+YIELD_EXPONENT = math.log(0.90 / 0.375) / math.log(2.0)
+#: Young's modulus [Pa] at 40 kg/m^3: 3 % strain at yield (general literature value).
+MODULUS_AT_40 = 12.0e6
+#: Share of the densification strain 1 - r beyond which the law goes on as a straight line.
+LINEAR_FROM = 0.95
+
+#: Columns of a foam row: yield stress [Pa], modulus [Pa], gas pressure [Pa], densification strain
+#: [-], share of the energy returned [-].
+YIELD, MODULUS, GAS, LIMIT, RETURNED = range(5)
+
+
+def foam_row(density: float, energy_returned: float) -> FloatArray:
+    """Constants of EPS of a density [kg/m^3], shape (5,)."""
+    row: FloatArray = foam_rows(np.array([density]), energy_returned)[0]
+    return row
+
+
+def foam_rows(density: FloatArray, energy_returned: float) -> FloatArray:
+    """Constants of EPS of each density, shape (n,) [kg/m^3]; shape (n, 5)."""
+    scale = (density / 40.0) ** YIELD_EXPONENT
+    rows = np.empty((len(density), 5))
+    rows[:, YIELD] = YIELD_AT_40 * scale
+    rows[:, MODULUS] = MODULUS_AT_40 * scale
+    rows[:, GAS] = GAS_PRESSURE
+    rows[:, LIMIT] = 1.0 - density / SOLID_DENSITY
+    rows[:, RETURNED] = energy_returned
+    return rows
+
+
+def bottoming_strain(foam: FloatArray) -> float:
+    """Strain at which compressed gas and touching walls have doubled the yield stress.
+
+    From there the liner stiffens steeply: an impact that goes beyond has bottomed it out.
+    """
+    return float(foam[LIMIT] * foam[YIELD] / (foam[GAS] + foam[YIELD]))
+
+
+@compiled
+def loading_stress(strain: float, foam: FloatArray) -> float:
+    """Stress [Pa] on the loading path."""
+    edge = LINEAR_FROM * foam[LIMIT]
+    e = min(strain, edge)
+    stress: float = min(foam[MODULUS] * e, foam[YIELD]) + foam[GAS] * e / (foam[LIMIT] - e)
+    if strain > edge:
+        slope = foam[GAS] * foam[LIMIT] / (foam[LIMIT] - edge) ** 2
+        stress += slope * (strain - edge)
+    return stress
+
+
+@compiled
+def energy_between(low: float, high: float, foam: FloatArray) -> float:
+    """Energy per volume [J/m^3] on the loading path from one strain to a higher one, the integral
+    of :func:`loading_stress`."""
+    edge = LINEAR_FROM * foam[LIMIT]
+    start, end = min(low, edge), min(high, edge)
+    at_yield = foam[YIELD] / foam[MODULUS]
+    from_, to = min(start, at_yield), min(end, at_yield)
+    energy: float = 0.5 * foam[MODULUS] * (to * to - from_ * from_)
+    energy += foam[YIELD] * (end - start - to + from_)
+    narrowed = (foam[LIMIT] - end) / (foam[LIMIT] - start)
+    energy += foam[GAS] * (start - end - foam[LIMIT] * math.log(narrowed))
+    if high > edge:
+        low = max(low, edge)
+        energy += 0.5 * (loading_stress(low, foam) + loading_stress(high, foam)) * (high - low)
+    return energy
+
+
+@compiled
+def residual_strain(largest: float, foam: FloatArray) -> float:
+    """Strain that stays after unloading from ``largest``."""
+    if largest <= foam[YIELD] / foam[MODULUS] * 1e-3:
+        return 0.0
+    width: float = (
+        2.0 * foam[RETURNED] * energy_between(0.0, largest, foam) / loading_stress(largest, foam)
+    )
+    return max(0.0, largest - width)
+
+
+@compiled
+def residual_strains(largest: FloatArray, foam: FloatArray) -> FloatArray:
+    """:func:`residual_strain` of each column, shape (n,), of the strains (n,) and rows (n, 5)."""
+    rest = np.empty(len(largest))
+    for i in range(len(largest)):
+        rest[i] = residual_strain(largest[i], foam[i])
+    return rest
+
+
+@compiled
+def unloading_stress(strain: float, largest: float, rest: float, foam: FloatArray) -> float:
+    """Stress [Pa] at a strain below ``largest``, whose :func:`residual_strain` is ``rest``."""
+    if strain <= rest:
+        return 0.0
+    return loading_stress(largest, foam) * (strain - rest) / (largest - rest)
+
+
+@compiled
+def mean_over_point(low: float, high: float, foam: FloatArray) -> float:
+    """Loading stress averaged over strains ``low`` to ``high``, over that at their middle [-]."""
+    if high - low < 1e-6:
+        return 1.0
+    mean = energy_between(low, high, foam) / (high - low)
+    return mean / loading_stress(0.5 * (low + high), foam)

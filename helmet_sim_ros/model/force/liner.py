@@ -1,0 +1,303 @@
+"""The crushing liner of a foam helmet: its columns against whatever the helmet strikes.
+
+What deforms: the liner, column by column, along the surface's normal (EPS hardly spreads sideways
+when crushed); each column in shear across it. What is rigid: the surface, and the helmet outside
+the crushed cap. What is left out: the shell's bending stiffness and the mass of its struck patch,
+and the face opening.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from helmet_sim_ros.biomech.record import FloatArray
+from helmet_sim_ros.model.compiled import compiled, inlined
+from helmet_sim_ros.model.force.bodies import (
+    HELMET,
+    Loads,
+    Motion,
+    count_surface,
+    load,
+    rigid,
+    velocity_at,
+    world_point,
+)
+from helmet_sim_ros.model.force.columns import Columns
+from helmet_sim_ros.model.force.foam import (
+    MODULUS,
+    loading_stress,
+    mean_over_point,
+    residual_strain,
+    unloading_stress,
+)
+from helmet_sim_ros.model.force.friction import RELAXATION, friction_force
+from helmet_sim_ros.model.force.vector import (
+    Vec,
+    across,
+    add,
+    cross,
+    dot,
+    row,
+    scaled,
+    sub,
+    turned,
+    turned_back,
+)
+from helmet_sim_ros.model.helmet import Shell
+from helmet_sim_ros.model.surface.compiled import HALF_SPACE, Surface
+from helmet_sim_ros.model.surface.deepest import deepest_point
+from helmet_sim_ros.model.surface.shapes import nearest, signed_distance
+
+POISSON = 0.1  # EPS (general literature value): G = E / (2 (1 + nu))
+
+MARGIN = 0.004  # m, of the list of columns near the surface; any value gives the same forces
+REACH = 0.4  # m, no column is farther from the origin of the helmet frame
+#: Largest share of a cell's radius by which a curved surface may lie behind its middle: an edge
+#: sharper than the cell has no mean sagitta.
+SAGITTA = 0.25
+
+
+class Near(NamedTuple):
+    """The list of columns that may touch the surface; state.
+
+    Attributes:
+        index: of columns, their number in the last place, (n + 1,).
+        distance: of every column from the surface when they were listed, (n,) [m].
+        position, rotation: of the helmet when they were listed, (3,) [m], (9,).
+    """
+
+    index: NDArray[np.int64]
+    distance: FloatArray
+    position: FloatArray
+    rotation: FloatArray
+
+
+class CrushingLiner(NamedTuple):
+    """The liner of one helmet in one impact; row i belongs to column i.
+
+    Attributes:
+        columns: constants.
+        helmet: MuJoCo's index of the helmet body.
+        center, semi_axes: of the shell's ellipsoid, helmet frame [m].
+        direction: to the deepest point of the shell on each shape, (shapes, 3); state, from which
+            the next search starts.
+        largest: largest strain so far, (n,); state.
+        rest: the residual strain that belongs to it, below 0: not yet known, (n,); state.
+        stick: shear deflection, world axes, (n, 3) [m]; state.
+        near: which columns may touch; state.
+    """
+
+    columns: Columns
+    helmet: int
+    center: Vec
+    semi_axes: Vec
+    direction: FloatArray
+    largest: FloatArray
+    rest: FloatArray
+    stick: FloatArray
+    near: Near
+
+
+def crushing_liner(
+    columns: Columns, shell: Shell, helmet: int, shapes: int, largest: FloatArray
+) -> CrushingLiner:
+    """A liner whose columns have seen the given strains, (n,), against that many shapes."""
+    n = len(columns.area)
+    near = Near(
+        np.zeros(n + 1, dtype=np.int64), np.zeros(n), np.full(3, np.inf), np.full(9, np.inf)
+    )
+    return CrushingLiner(
+        columns, helmet, shell.center, shell.semi_axes, np.zeros((shapes, 3)), largest,
+        np.full(n, -1.0), np.zeros((n, 3)), near,
+    )  # fmt: skip
+
+
+@inlined
+def is_flat(surface: Surface) -> bool:
+    """Whether the surface is one plane."""
+    return len(surface.kind) == 1 and surface.kind[0] == HALF_SPACE
+
+
+@compiled
+def moved(near: Near, surface: Surface, position: FloatArray, rotation: FloatArray) -> float:
+    """An upper bound of how much closer to the surface any column has come since the listing [m]."""
+    if is_flat(surface):  # only along its normal
+        axes = surface.rotation[0]
+        normal = (axes[2], axes[5], axes[8])
+        turn, travel = 0.0, 0.0
+        for k in range(3):
+            travel += normal[k] * (position[k] - near.position[k])
+            change = 0.0
+            for j in range(3):
+                change += normal[j] * (rotation[3 * j + k] - near.rotation[3 * j + k])
+            turn += change * change
+        return float(abs(travel) + turn**0.5 * REACH)
+    turn, travel = 0.0, 0.0
+    for k in range(3):
+        travel += (position[k] - near.position[k]) ** 2
+    for k in range(9):
+        turn += (rotation[k] - near.rotation[k]) ** 2
+    # The spectral norm of a difference of rotations is its Frobenius norm over sqrt(2).
+    return float(travel**0.5 + (0.5 * turn) ** 0.5 * REACH)
+
+
+@compiled
+def find_near(liner: CrushingLiner, surface: Surface, motion: Motion) -> None:
+    """List the columns that touch the surface or may before the helmet has moved by ``MARGIN``."""
+    near, points, radii, sticks = liner.near, liner.columns.point, liner.columns.radius, liner.stick
+    position, rotation = motion.position[liner.helmet], motion.rotation[liner.helmet]
+    # An infinite entry (nothing listed yet) gives infinity or nan: neither is below the margin.
+    if moved(near, surface, position, rotation) < MARGIN:
+        return
+    near.position[:] = position
+    near.rotation[:] = rotation
+    helmet = rigid(motion, liner.helmet)
+    listed, distances = near.index, near.distance
+    distances[:] = np.inf
+    for k in range(len(surface.kind)):
+        if surface.kind[k] == HALF_SPACE:  # its height is linear in the helmet's own axes
+            normal = (surface.rotation[k, 2], surface.rotation[k, 5], surface.rotation[k, 8])
+            height = dot(normal, sub(helmet.position, row(surface.position, k)))
+            nx, ny, nz = turned_back(helmet.rotation, normal)
+            for i in range(len(radii)):
+                above = height + nx * points[i, 0] + ny * points[i, 1] + nz * points[i, 2]
+                distances[i] = min(distances[i], above)
+            continue
+        for i in range(len(radii)):
+            x, y, z = world_point(helmet, row(points, i))
+            distances[i] = min(distances[i], signed_distance(surface, k, x, y, z)[0])
+    count = 0
+    for i in range(len(radii)):
+        if distances[i] <= radii[i] + MARGIN:
+            listed[count] = i
+            count += 1
+        else:
+            sticks[i, 0] = sticks[i, 1] = sticks[i, 2] = 0.0
+    listed[-1] = count
+
+
+@compiled
+def apply(
+    liner: CrushingLiner, surface: Surface, step: float, motion: Motion, loads: Loads
+) -> None:
+    """Add the surface's forces on every column.
+
+    Args:
+        liner: constants and state; the state is changed in place.
+        surface: what the helmet strikes.
+        step: time step [s].
+        motion, loads: of the bodies.
+    """
+    find_near(liner, surface, motion)
+    points, normals, areas, thicknesses, radii, foams = liner.columns
+    listed, largest, rest, sticks = liner.near.index, liner.largest, liner.rest, liner.stick
+    helmet = rigid(motion, liner.helmet)
+    flat = is_flat(surface)  # one plane, taken out of its arrays once
+    up = (surface.rotation[0, 2], surface.rotation[0, 5], surface.rotation[0, 8])
+    base = row(surface.position, 0)
+    force, moment, friction = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    for n in range(listed[-1]):
+        i = listed[n]
+        radius, stick = radii[i], sticks[i]
+        point = world_point(helmet, row(points, i))
+        if flat:
+            shape, normal, curvature = 0, up, 0.0
+            distance = dot(up, sub(point, base))
+        else:
+            shape, distance, nx, ny, nz, curvature = nearest(surface, point[0], point[1], point[2])
+            normal = (nx, ny, nz)
+        cosine = -dot(normal, turned(helmet.rotation, row(normals, i)))
+        sagitta = min(0.125 * radius * radius * curvature, SAGITTA * radius)
+        share, low, high = part_below(-distance - sagitta, radius, cosine)
+        if share == 0.0:
+            stick[0] = stick[1] = stick[2] = 0.0
+            continue
+        thickness, foam = thicknesses[i], foams[i]
+        stress = compressed(
+            low * cosine / thickness, high * cosine / thickness, foam, i, largest, rest
+        )
+        if stress <= 0.0:
+            stick[0] = stick[1] = stick[2] = 0.0
+            continue
+        area = areas[i] * share * cosine
+        # The crushed shell lies on the surface: velocity of the helmet frame there.
+        touch = add(point, scaled(normal, -distance))
+        slip = across(velocity_at(helmet, touch), normal)
+        shear = foam[MODULUS] / (2.0 * (1.0 + POISSON)) * area / thickness
+        limit = surface.friction[shape] * stress * area
+        rubbed = friction_force(shear, RELAXATION, limit, slip, normal, step, stick)
+        pushed = add(scaled(normal, stress * area), rubbed)
+        force, friction = add(force, pushed), add(friction, rubbed)
+        moment = add(moment, cross(touch, pushed))
+    load(loads, liner.helmet, force, sub(moment, cross(helmet.origin, force)))
+    count_surface(loads, HELMET, force, moment, friction)
+
+
+@inlined
+def part_below(depth: float, radius: float, cosine: float) -> tuple[float, float, float]:
+    """Share of a cell that is below the surface, and the least and greatest depth [m] there.
+
+    Args:
+        depth: of the cell's middle [m].
+        radius: of the cell [m].
+        cosine: of the angle between cell and surface.
+    """
+    if cosine <= 0.0:
+        return 0.0, 0.0, 0.0
+    # A tilted cell spans this height to either side of its centre.
+    half = radius * max(0.0, 1.0 - cosine * cosine) ** 0.5
+    if depth <= -half:
+        return 0.0, 0.0, 0.0
+    if depth < half:
+        return (depth + half) / (2.0 * half), 0.0, depth + half
+    return 1.0, depth - half, depth + half
+
+
+@inlined
+def compressed(
+    low: float, high: float, foam: FloatArray, i: int, largest: FloatArray, rest: FloatArray
+) -> float:
+    """Mean stress [Pa] of a column strained between two values; remembers the largest strain.
+
+    Args:
+        low, high: strains.
+        foam: constants of the column's foam.
+        i: the column.
+        largest, rest: see :class:`CrushingLiner`; changed in place.
+    """
+    strain = 0.5 * (low + high)
+    if strain >= largest[i]:
+        stress = loading_stress(strain, foam)
+        largest[i] = strain
+        rest[i] = -1.0
+    else:
+        if rest[i] < 0.0:
+            rest[i] = residual_strain(largest[i], foam)
+        stress = unloading_stress(strain, largest[i], rest[i], foam)
+    if stress <= 0.0:
+        return 0.0
+    return stress * mean_over_point(low, high, foam)
+
+
+@compiled
+def crush(liner: CrushingLiner, surface: Surface, motion: Motion, deepest: FloatArray) -> None:
+    """How deep the undeformed shell would reach into the surface.
+
+    Args:
+        deepest: the depth [m], 0 without contact, times the surface's outward normal, (3,); written.
+    """
+    cx, cy, cz = world_point(rigid(motion, liner.helmet), liner.center)
+    ax, ay, az = liner.semi_axes
+    most = 0.0
+    deepest[:] = 0.0
+    for k in range(len(surface.kind)):
+        depth, _, _, _, nx, ny, nz = deepest_point(
+            surface, k, cx, cy, cz, motion.rotation[liner.helmet], ax, ay, az,
+            liner.direction[k],
+        )  # fmt: skip
+        if depth > most:
+            most = depth
+            deepest[0], deepest[1], deepest[2] = depth * nx, depth * ny, depth * nz

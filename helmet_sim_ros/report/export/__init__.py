@@ -1,0 +1,1 @@
+"""Logs for other programs: CSV, Parquet and ISO-MME."""

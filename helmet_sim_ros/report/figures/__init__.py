@@ -1,0 +1,1 @@
+"""Figures of drops and of oblique impacts."""

@@ -1,0 +1,1 @@
+"""The report of some logs: one self-contained HTML page."""

@@ -1,0 +1,108 @@
+"""The scene of an impact as MuJoCo's drawing primitives, for video and viewer."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import mujoco
+import numpy as np
+
+from helmet_sim_ros.biomech.record import FloatArray, ImpactRecord
+from helmet_sim_ros.model.arrows import force_arrows
+from helmet_sim_ros.model.scene import Scene
+from helmet_sim_ros.report.replay.scene import scene_of
+
+_KINDS = {
+    "ellipsoid": mujoco.mjtGeom.mjGEOM_ELLIPSOID,
+    "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE,
+}
+_GROUND = (0.78, 0.80, 0.82, 1.0)
+_LINE = (0.60, 0.63, 0.66, 1.0)
+_TILE, _HALF = 0.25, 2.0  # m, spacing of the ground's lines and half its edge
+_SHAFT = 0.012  # m, half width of an arrow
+_SKY, _SKY_RADIUS = (0.92, 0.94, 0.96, 1.0), 15.0
+_SHELL_OPACITY = 0.55  # so that head and arrows are seen through it
+
+
+class Stage:
+    """Draws one record; the same shapes as in the ``scene`` topic and in the report.
+
+    Attributes:
+        scene: posed by :meth:`draw`.
+    """
+
+    def __init__(self, record: ImpactRecord) -> None:
+        """Rebuild the scene.
+
+        Raises:
+            LogError: this version's model cannot show the record.
+        """
+        self.record = record
+        self.scene: Scene = scene_of(record)
+        model = self.scene.model
+        model.vis.headlight.ambient[:] = 0.45
+        model.vis.headlight.diffuse[:] = 0.55
+        model.vis.headlight.specular[:] = 0.1
+
+    def draw(self, target: mujoco.MjvScene, index: int) -> None:
+        """Add bodies, ground and forces of one sample to a scene."""
+        target.flags[mujoco.mjtRndFlag.mjRND_CULL_FACE] = 0  # the sky is seen from inside
+        sky = _add(
+            target, mujoco.mjtGeom.mjGEOM_SPHERE, (_SKY_RADIUS,) * 3, (0.0,) * 3, np.eye(3).ravel(),
+            _SKY,
+        )  # fmt: skip
+        sky.emission = 0.8
+        self.draw_around(target, index)
+        positions, quaternions = self.scene.poses(self.record, index)
+        shapes = zip(self.scene.shapes, positions, quaternions, strict=True)
+        # What can be seen through comes last, as OpenGL wants it.
+        for shape, position, (x, y, z, w) in sorted(shapes, key=lambda s: s[0].name == "helmet"):
+            rotation = np.empty(9)
+            mujoco.mju_quat2Mat(rotation, np.array([w, x, y, z]))
+            r, g, b, opacity = shape.color
+            color = (r, g, b, min(opacity, _SHELL_OPACITY) if shape.name == "helmet" else opacity)
+            _add(target, _KINDS[shape.kind], shape.size, position, rotation, color)
+
+    def draw_around(self, target: mujoco.MjvScene, index: int) -> None:
+        """Add ground and forces of one sample to a scene."""
+        x, y = np.round(self.record.helmet_position[0][:2] / _TILE) * _TILE
+        flat = np.eye(3).ravel()
+        _add(
+            target, mujoco.mjtGeom.mjGEOM_BOX, (_HALF, _HALF, 0.005), (x, y, -0.006), flat, _GROUND
+        )
+        for offset in np.arange(-_HALF, _HALF + 1e-9, _TILE):
+            box = mujoco.mjtGeom.mjGEOM_BOX
+            _add(target, box, (0.003, _HALF, 0.001), (x + offset, y, 0.0), flat, _LINE)
+            _add(target, box, (_HALF, 0.003, 0.001), (x, y + offset, 0.0), flat, _LINE)
+        for arrow in force_arrows(self.record, index):
+            if arrow.visible:
+                geom = _add(
+                    target, mujoco.mjtGeom.mjGEOM_ARROW, (0.0,) * 3, (0.0,) * 3, flat, arrow.color
+                )
+                # MuJoCo 4.0 draws an arrow half as long as its connector.
+                mujoco.mjv_connector(
+                    geom, mujoco.mjtGeom.mjGEOM_ARROW, _SHAFT,
+                    arrow.tail, 2.0 * arrow.tip - arrow.tail,
+                )  # fmt: skip
+
+    def corners(self) -> Iterator[FloatArray]:
+        """Where the shapes are at the first and the last sample, for the camera."""
+        for index in (0, len(self.record) - 1):
+            yield self.scene.poses(self.record, index)[0].copy()
+
+
+def _add(
+    target: mujoco.MjvScene,
+    kind: mujoco.mjtGeom,
+    size: tuple[float, ...],
+    position: FloatArray | tuple[float, ...],
+    rotation: FloatArray,
+    color: tuple[float, float, float, float],
+) -> mujoco.MjvGeom:
+    geom = target.geoms[target.ngeom]
+    mujoco.mjv_initGeom(
+        geom, kind, np.array(size, dtype=float), np.array(position, dtype=float), rotation,
+        np.array(color, dtype=np.float32),
+    )  # fmt: skip
+    target.ngeom += 1
+    return geom

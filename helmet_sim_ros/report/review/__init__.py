@@ -1,0 +1,1 @@
+"""What logs say: checked against their samples, and compared with each other."""

@@ -1,0 +1,119 @@
+"""Compare what a log says about its impacts with what its samples give."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from helmet_sim_ros.biomech.result import Criterion, Evaluation
+from helmet_sim_ros.biomech.standards import DEFAULT_STANDARD
+from helmet_sim_ros.errors import LogError
+from helmet_sim_ros.mcap_log import LoggedImpact
+
+#: Largest relative difference that another processor or library version may cause.
+TOLERANCE = 1e-9
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A logged value that the samples do not give.
+
+    Attributes:
+        criterion: its name, or what else differs.
+        field: of the criterion (``value``, ``limit``, ...).
+        logged, computed: the two values.
+    """
+
+    criterion: str
+    field: str
+    logged: object
+    computed: object
+
+    def __str__(self) -> str:
+        what = self.criterion if self.field == "value" else f"{self.criterion} {self.field}"
+        return f"{what}: logged {self.logged!r}, computed from the samples {self.computed!r}"
+
+
+@dataclass(frozen=True)
+class Reviewed:
+    """One impact after review.
+
+    Attributes:
+        impact: of the log.
+        evaluation: computed from the logged samples, by the standard of the logged criteria.
+        differences: what was logged otherwise.
+        has_logged: whether the log has criteria of this impact.
+    """
+
+    impact: LoggedImpact
+    evaluation: Evaluation
+    differences: tuple[Difference, ...]
+    has_logged: bool
+
+    @property
+    def check(self) -> str:
+        """``same``, ``DIFFERS`` or ``not logged``."""
+        if self.differences:
+            return "DIFFERS"
+        return "same" if self.has_logged else "not logged"
+
+
+def review(impact: LoggedImpact, standard: str | None = None) -> Reviewed:
+    """Compute the criteria of an impact again and compare.
+
+    Args:
+        impact: of a log.
+        standard: judge by this one; None: by that of the logged criteria.
+
+    Raises:
+        LogError: the samples are damaged.
+        PulseError: no criteria can be computed from them.
+        SetupError: the standard is unknown here.
+    """
+    try:
+        logged, problem = impact.logged, ""
+    except LogError as error:
+        logged, problem = None, str(error)
+    used = None if logged is None or logged.standard == DEFAULT_STANDARD else logged.standard
+    computed = impact.evaluate(used)
+    differences = list(_model_differences(impact))
+    if problem:
+        differences.append(Difference("criteria", "", problem, "complete"))
+    if logged is not None:
+        differences += evaluation_differences(logged, computed)
+    if standard is not None and standard != used:
+        computed = impact.evaluate(standard)
+    return Reviewed(impact, computed, tuple(differences), logged is not None)
+
+
+def evaluation_differences(logged: Evaluation, computed: Evaluation) -> Iterator[Difference]:
+    """Where a logged evaluation differs; a criterion that was not logged is no difference."""
+    for name, old in logged.criteria.items():
+        new = computed.criteria.get(name)
+        if new is None:
+            yield Difference(name, "value", old.value, None)
+        else:
+            yield from _criterion_differences(old, new)
+    if logged.verdict != computed.verdict:
+        yield Difference("evaluation", "verdict", logged.verdict, computed.verdict)
+
+
+def _criterion_differences(old: Criterion, new: Criterion) -> Iterator[Difference]:
+    for field in ("value", "unit", "window", "time", "limit", "verdict"):
+        before, after = getattr(old, field), getattr(new, field)
+        if not _same(before, after):
+            yield Difference(old.name, field, before, after)
+
+
+def _model_differences(impact: LoggedImpact) -> Iterator[Difference]:
+    if impact.model_problem:
+        yield Difference("model", "hash", impact.model_problem, impact.model_hash)
+
+
+def _same(a: object, b: object) -> bool:
+    if isinstance(a, tuple) and isinstance(b, tuple):
+        return len(a) == len(b) and all(map(_same, a, b))
+    if isinstance(a, float) and isinstance(b, float):
+        return math.isclose(a, b, rel_tol=TOLERANCE, abs_tol=1e-12)
+    return bool(a == b)

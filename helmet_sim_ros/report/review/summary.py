@@ -1,0 +1,65 @@
+"""What the impacts of a log have in common and in what they differ, in words and short tables."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+Setup = Mapping[str, object]
+
+#: Setup values that every table shows.
+LEADING = ("impact.direction", "impact.normal_velocity", "impact.tangential_velocity")
+#: Setup values that only say what others say already.
+FOLLOWING = ("helmet.description", "impact.neck_flexion_deg")
+#: Setup values that name the impacts of a log shortly; all others are on request.
+SHORT = (
+    "impact.rig", "helmet.name", "helmet.coupling", "impact.body_angle_deg",
+    "impact.tangential_heading_deg", "impact.friction", "impact.gravity", "rider.height",
+    "rider.mass", "sim.duration", "sim.time_step",
+)  # fmt: skip
+
+
+def label(setup: Setup) -> str:
+    """``left, 5 m/s, 10 m/s along the ground``."""
+    direction, normal, tangential = (setup.get(name) for name in LEADING)
+    parts = [str(direction or "impact")]
+    if isinstance(normal, int | float):
+        parts.append(f"{normal:g} m/s")
+    if isinstance(tangential, int | float) and tangential:
+        parts.append(f"{tangential:g} m/s along the ground")
+    return ", ".join(parts)
+
+
+def varying(setups: Sequence[Setup]) -> list[str]:
+    """Names of the values in which setups differ, the order is that of the first setup."""
+    names = dict.fromkeys(name for setup in setups for name in setup)
+    return [n for n in names if any(s.get(n) != setups[0].get(n) for s in setups)]
+
+
+def common(setups: Sequence[Setup]) -> dict[str, object]:
+    """The values that all setups share."""
+    different = set(varying(setups))
+    return {k: v for k, v in setups[0].items() if k not in different} if setups else {}
+
+
+def labels(setups: Sequence[Setup], speeds: bool = True) -> list[str]:
+    """A label for each setup: direction, speeds, and up to four other values that differ."""
+    more = [n for n in varying(setups) if n not in (*LEADING, *FOLLOWING)][:4]
+    names = []
+    for setup in setups:
+        first = label(setup) if speeds else str(setup.get(LEADING[0]) or "impact")
+        extra = [f"{n.rpartition('.')[2]} {shown(setup.get(n))}" for n in more]
+        names.append("; ".join([first, *extra]))
+    return names
+
+
+def shown(value: object) -> str:
+    """A setup value as a table shows it."""
+    if value is None:
+        return "unset"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float):
+        return f"{value:g}"
+    if isinstance(value, list | tuple):
+        return ", ".join(map(shown, value))
+    return str(value)

@@ -1,0 +1,1 @@
+"""docs/validation.md and its figures."""

@@ -1,0 +1,13 @@
+from helmet_sim_ros.study.optimisation.plan import Optimisation as Optimisation
+from helmet_sim_ros.study.optimisation.plan import load_optimisation as load_optimisation
+from helmet_sim_ros.study.optimisation.search import optimise as optimise
+from helmet_sim_ros.study.optimisation.trials import OptimisationResult as OptimisationResult
+from helmet_sim_ros.study.scenario.matrix import Case as Case
+from helmet_sim_ros.study.scenario.matrix import Scenario as Scenario
+from helmet_sim_ros.study.scenario.matrix import load_scenario as load_scenario
+from helmet_sim_ros.study.scenario.reference import Reference as Reference
+from helmet_sim_ros.study.scenario.reference import load_reference as load_reference
+from helmet_sim_ros.study.sweeps.study import Study as Study
+from helmet_sim_ros.study.sweeps.study import load_study as load_study
+from helmet_sim_ros.study.sweeps.sweep import SweepResult as SweepResult
+from helmet_sim_ros.study.sweeps.sweep import sweep as sweep

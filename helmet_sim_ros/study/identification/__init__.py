@@ -1,0 +1,1 @@
+"""Identification: drop tests become the coupling springs of a helmet."""

@@ -1,0 +1,1 @@
+"""Optimisation: a study file with objectives becomes a search for better helmet designs."""

@@ -1,0 +1,1 @@
+"""Validation: spring, foam, published values and the solver against each other."""
