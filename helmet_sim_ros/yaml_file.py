@@ -40,7 +40,7 @@ class _Loader(_Base):  # type: ignore[misc]
         found: dict[Any, Any] = super().construct_mapping(node, deep)
         for key in found:
             if not isinstance(key, str):
-                raise _refused(f"key {key!r:.80} must be text (quote it)", node.start_mark)
+                raise _refused(f"a key must be text, quote {key!r:.80}", node.start_mark)
         return found
 
     def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:

@@ -51,7 +51,7 @@ def test_numbers_and_text_are_what_a_user_means() -> None:
         ("a: !!bool x", "not a value of type bool"),
         ("a: 0b_", "not a value of type int"),
         ("a: " + "9" * 5000, "not a value of type int"),
-        ("1: 2", "key 1 must be text"),
+        ("1: 2", "a key must be text, quote 1"),
         ("? [a]\n: b", "a key must be a single value"),
         ("a: =", "value"),
         ("--- a\n--- b", "another document"),
