@@ -15,6 +15,7 @@ from bench.campaign.__main__ import main
 from bench.campaign.attack import LONGEST, Attack, Outcome, run, run_case
 from bench.campaign.damaged_logs import DamagedLogs
 from bench.campaign.garbage_blocks import GarbageBlocks
+from bench.campaign.hostile_names import HostileNames
 from bench.campaign.mutated_yaml import MutatedYaml
 from bench.campaign.parameter_sets import ParameterSets
 
@@ -24,7 +25,13 @@ SEED = 17
 
 @pytest.mark.parametrize(
     ("attack", "cases"),
-    [(DamagedLogs, 150), (MutatedYaml, 300), (ParameterSets, 1000), (GarbageBlocks, 600)],
+    [
+        (DamagedLogs, 150),
+        (MutatedYaml, 300),
+        (ParameterSets, 1000),
+        (GarbageBlocks, 600),
+        (HostileNames, 25),
+    ],
 )
 def test_nothing_is_lost_and_nothing_else_fails(
     attack: type[Attack], cases: int, tmp_path: Path
@@ -64,7 +71,7 @@ def test_the_campaign_sees_foreign_errors_losses_hangs_and_memory(tmp_path: Path
     attack = Broken()
     tally = run(attack, 1, range(1, 13), tmp_path / "attack")
     details = " ".join(outcome.detail for _, outcome in tally.bad)
-    assert "ZeroDivisionError: division by zero" in details
+    assert "ZeroDivisionError: division by zero (test_campaign.py line" in details
     assert "a sample" in details and "MB more memory" in details and "processor time" in details
     assert tally.slowest > LONGEST
     number, outcome = tally.bad[0]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 import resource
 import time
+import traceback
 from abc import ABC, abstractmethod
 from collections import Counter
 from dataclasses import dataclass, field
@@ -81,7 +82,9 @@ def run_case(attack: Attack, seed: int, number: int) -> tuple[Outcome, float]:
     try:
         outcome = attack.case(rng)
     except Exception as error:  # that is what is looked for
-        outcome = Outcome("failed", f"{type(error).__name__}: {error}")
+        *_, where = traceback.extract_tb(error.__traceback__)
+        place = f"{Path(where.filename).name} line {where.lineno}"
+        outcome = Outcome("failed", f"{type(error).__name__}: {error} ({place})")
     spent, grown = time.process_time() - began, _most_memory() - memory
     # The first cases load code and fill caches.
     if attack.bounded and number > 0 and outcome.verdict != "failed":
