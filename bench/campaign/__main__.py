@@ -57,7 +57,10 @@ def main(
                 f"{tally.attack}: {sum(tally.counts.values())} cases in {wall:.0f} s, the slowest "
                 f"took {tally.slowest:.2f} s of processor time", markup=False,
             )  # fmt: skip
-            _show_bad(console, tally, seed)
+            if number is not None and tally.last is not None:
+                console.print(f"  {tally.last.verdict}: {tally.last.detail}", markup=False)
+            else:
+                _show_bad(console, tally, seed)
     console.print(f"seed {seed}", _table(tallies), sep="\n")
     raise SystemExit(any(tally.bad for tally in tallies))
 

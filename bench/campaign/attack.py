@@ -66,12 +66,14 @@ class Tally:
         attack: its name.
         counts: cases by verdict.
         bad: number of each case that was lost or failed, with its detail.
+        last: the last case.
         slowest: processor time [s] of the slowest case.
     """
 
     attack: str
     counts: Counter[str] = field(default_factory=Counter)
     bad: list[tuple[int, Outcome]] = field(default_factory=list)
+    last: Outcome | None = None
     slowest: float = 0.0
 
 
@@ -104,6 +106,7 @@ def run(attack: Attack, seed: int, numbers: range, folder: Path) -> Tally:
         for number in numbers:
             outcome, spent = run_case(attack, seed, number)
             tally.counts[outcome.verdict] += 1
+            tally.last = outcome
             tally.slowest = max(tally.slowest, spent)
             if outcome.verdict in ("lost", "failed"):
                 tally.bad.append((number, outcome))

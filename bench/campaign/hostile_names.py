@@ -23,16 +23,17 @@ from helmet_sim_ros.mcap_log.writer import LogWriter
 MARK = "xss9"
 NAMES = [
     f"<{MARK}>", f"</script><{MARK}>", f'"><{MARK}>', f"' {MARK}='1", f"<img src=x {MARK}=1>",
-    f"</style></title><{MARK}>", f"<!--{MARK}", f"-->]]><{MARK}>", "javascript:alert(1)", "&lt;b&gt;",
-    "../../outside", "../outside/x", "/outside", "..", ".", "", "a/b", "a\\b", "C:\\x", "~", "$HOME",
-    "`id`", "$(id)", ";id", "-rf", "--help", "con", "a" * 200, "a" * 300, "é" * 100, "\u202ename",
-    "a\nb", "a\rb", "a\tb", "\x1b[2J", "\x1b]0;x\x07", "\x00", "\x7f", "\x9b2J", "\u200b", "\ufeff",
-    "[bold]x[/bold]", "[link=http://x]y", "[/]", "%s", "{0}", "{{x}}", "{%x%}", "=1+1", "\u2028",
-    "{'a': 1}", "null", "true", "1", "nan",
+    f"</style></title><{MARK}>", f"<!--{MARK}", f"-->]]><{MARK}>", "javascript:alert(1)",
+    "&lt;b&gt;", "../../outside", "../outside/x", "/outside", "..", ".", "", "a/b", "a\\b", "C:\\x",
+    "~", "$HOME", "`id`", "$(id)", ";id", "-rf", "--help", "con", "a" * 200, "a" * 300, "é" * 100,
+    "\u202ename", "a\nb", "a\rb", "a\tb", "\x1b[2J", "\x1b]0;x\x07", "\x00", "\x7f", "\x9b2J",
+    "\u200b", "\ufeff", "[bold]x[/bold]", "[link=http://x]y", "[/]", "%s", "{0}", "{{x}}", "{%x%}",
+    "=1+1", "\u2028", "{'a': 1}", "null", "true", "1", "nan",
 ]  # fmt: skip
-VERBS: list[list[str]] = [
-    ["review"], ["review", "--json"], ["report"], ["export", "-f", "csv"], ["export", "-f", "isomme"],
-    ["export", "-f", "parquet"], ["recover"], ["figures"], ["replay", "--size", "64x64", "--rate", "5"],
+VERBS = [
+    ["review"], ["review", "--json"], ["report"], ["recover"], ["figures"],
+    ["export", "-f", "csv"], ["export", "-f", "isomme"], ["export", "-f", "parquet"],
+    ["replay", "--size", "64x64", "--rate", "5", "--slow", "1000"],
 ]  # fmt: skip
 
 
