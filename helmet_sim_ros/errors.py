@@ -40,7 +40,10 @@ class Problem(NamedTuple):
             shown = "(nested too deep to be shown)"
         if len(shown) > 120:
             shown = shown[:117] + "..."
-        return f"{self.key or '(empty)'} = {shown}: {self.allowed}"
+        key = self.key or "(empty)"
+        if len(key) > 400:  # the end of a dotted name says most
+            key = f"{key[:200]}...{key[-190:]}"
+        return f"{key} = {shown}: {self.allowed}"
 
 
 class SetupError(HelmetSimError, ValueError):

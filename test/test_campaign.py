@@ -16,6 +16,7 @@ from bench.campaign.attack import LONGEST, Attack, Outcome, run, run_case
 from bench.campaign.damaged_logs import DamagedLogs
 from bench.campaign.garbage_blocks import GarbageBlocks
 from bench.campaign.hostile_names import HostileNames
+from bench.campaign.mutated_tables import MutatedTables
 from bench.campaign.mutated_yaml import MutatedYaml
 from bench.campaign.parameter_sets import ParameterSets
 
@@ -28,6 +29,7 @@ SEED = 17
     [
         (DamagedLogs, 150),
         (MutatedYaml, 300),
+        (MutatedTables, 500),
         (ParameterSets, 1000),
         (GarbageBlocks, 600),
         (HostileNames, 25),

@@ -129,6 +129,18 @@ def test_a_table_gives_back_the_drop_tests(kind: str, tmp_path: Path) -> None:
         assert 0.5 < result.energy_loss < 1.0 and not result.notes
 
 
+def test_a_loop_that_is_none_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "loops.csv"
+    head = "direction,normal_velocity_m_s,force_N,compression_m\n"
+    for samples, words in (
+        ("front,5,9000,0.02\n", "energy_loss = nan"),
+        ("front,5,0,0\nfront,5,3000,0.02\nfront,5,9000,0.02\nfront,5,9000,0\n", "= -"),
+    ):
+        path.write_text(head + samples)
+        with pytest.raises(SetupError, match=f"rows from 2.*{words}"):
+            read_drop_table(path)
+
+
 def test_optional_columns_are_read_each_into_its_own_value(tmp_path: Path) -> None:
     """In any order of the columns, with gaps, and with whatever else stands in the table."""
     path = tmp_path / "drops.csv"
