@@ -75,9 +75,8 @@ class Config(BaseModel):
             SetupError: not a mapping, or a refused value; names ``source``.
         """
         if not isinstance(data, Mapping):
-            # Its type, never what is in it: it may be any file of this machine.
-            found = type(data)
-            raise SetupError.of("(document)", found, "must be a mapping of keys to values", source)
+            kind = type(data).__name__  # and not what is in it: it may be any file of the machine
+            raise SetupError.of("(document)", kind, "must be a mapping of keys to values", source)
         try:
             _refuse_foreign_keys(data)
             return cls(**data)
