@@ -15,12 +15,14 @@ from bench.campaign.attack import Attack, Tally, run
 from bench.campaign.damaged_logs import DamagedLogs
 from bench.campaign.garbage_blocks import GarbageBlocks
 from bench.campaign.hostile_names import HostileNames
+from bench.campaign.interrupted_logs import InterruptedLogs
 from bench.campaign.mutated_tables import MutatedTables
 from bench.campaign.mutated_yaml import MutatedYaml
 from bench.campaign.parameter_sets import ParameterSets
 
 ATTACKS: tuple[type[Attack], ...] = (
-    DamagedLogs, MutatedYaml, MutatedTables, ParameterSets, GarbageBlocks, HostileNames,
+    DamagedLogs, InterruptedLogs, MutatedYaml, MutatedTables, ParameterSets, GarbageBlocks,
+    HostileNames,
 )  # fmt: skip
 #: Bad cases whose details are printed, per attack.
 MOST_DETAILS = 10
