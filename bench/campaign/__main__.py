@@ -11,7 +11,7 @@ import click
 from rich.console import Console
 from rich.table import Table
 
-from bench.campaign.attack import Attack, Tally, run
+from bench.campaign.attack import VERDICTS, Attack, Tally, run
 from bench.campaign.damaged_logs import DamagedLogs
 from bench.campaign.garbage_blocks import GarbageBlocks
 from bench.campaign.hostile_names import HostileNames
@@ -57,8 +57,8 @@ def main(
             tallies.append(tally)
             wall = time.monotonic() - began
             console.print(
-                f"{tally.attack}: {sum(tally.counts.values())} cases in {wall:.0f} s, the slowest "
-                f"took {tally.slowest:.2f} s of processor time", markup=False,
+                f"{tally.attack}: {tally.words} in {wall:.0f} s, the slowest took "
+                f"{tally.slowest:.2f} s of processor time", markup=False,
             )  # fmt: skip
             if number is not None and tally.last is not None:
                 console.print(f"  {tally.last.verdict}: {tally.last.detail}", markup=False)
@@ -77,10 +77,10 @@ def _show_bad(console: Console, tally: Tally, seed: int) -> None:
 
 def _table(tallies: list[Tally]) -> Table:
     table = Table("test", title="Attacks")
-    for column in ("count", "held", "refused", "lost", "failed"):
+    for column in ("count", *VERDICTS):
         table.add_column(column, justify="right")
     for tally in tallies:
-        counts = [tally.counts[verdict] for verdict in ("held", "refused", "lost", "failed")]
+        counts = [tally.counts[verdict] for verdict in VERDICTS]
         table.add_row(tally.attack, *map(str, (sum(counts), *counts)))
     return table
 

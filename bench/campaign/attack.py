@@ -10,12 +10,13 @@ from abc import ABC, abstractmethod
 from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import ClassVar, Literal, NamedTuple
+from typing import ClassVar, Literal, NamedTuple, get_args
 
 #: ``held``: as if nothing had happened. ``refused``: an error or a warning of ours says what is
 #: wrong and where. ``lost``: something is gone, doubled, mixed or changed and nobody was told.
 #: ``failed``: another exception, a hang, or more memory than is promised.
 Verdict = Literal["held", "refused", "lost", "failed"]
+VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
 
 #: Longest processor time in which a file is refused [s], and most memory that it may take [byte].
 LONGEST = 1.0
@@ -75,6 +76,12 @@ class Tally:
     bad: list[tuple[int, Outcome]] = field(default_factory=list)
     last: Outcome | None = None
     slowest: float = 0.0
+
+    @property
+    def words(self) -> str:
+        """The counts in words."""
+        counts = ", ".join(f"{self.counts[verdict]} {verdict}" for verdict in VERDICTS)
+        return f"{sum(self.counts.values())} cases ({counts})"
 
 
 def run_case(attack: Attack, seed: int, number: int) -> tuple[Outcome, float]:

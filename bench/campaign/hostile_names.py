@@ -42,7 +42,7 @@ class HostileNames(Attack):
 
     name = "hostile names"
     what = "ids, scenarios, setups and notes that are markup, paths, control characters"
-    cases = (60, 2000)
+    cases = (60, 1000)
     bounded = False  # a video takes longer
 
     def prepare(self, folder: Path) -> None:

@@ -29,7 +29,7 @@ class InterruptedLogs(Attack):
 
     name = "interrupted logs"
     what = "the process that writes a log gets SIGKILL, or its disk is full; then recovery"
-    cases = (40, 1000)
+    cases = (20, 300)
     bounded = False  # a process of its own for each
 
     def prepare(self, folder: Path) -> None:
