@@ -324,3 +324,22 @@ def test_recovery_goes_on_behind_a_record_whose_length_is_damaged(written, tmp_p
     log = open_log(result.path)
     assert [impact.impact_id for impact in log] == ["i0", "i1"]
     assert same_samples(log["i1"].record, records[1])
+
+
+def test_recovery_reads_what_a_damaged_message_index_would_reach_over(written, tmp_path) -> None:
+    """A message index has no checksum; its length must not hide the chunk behind it."""
+    path, records = written
+    with open(path, "rb") as stream:
+        chunks = make_reader(stream).get_summary().chunk_indexes
+    data = bytearray(path.read_bytes()[: chunks[-1].chunk_start_offset + chunks[-1].chunk_length])
+    index = chunks[0].chunk_start_offset + chunks[0].chunk_length
+    length = int.from_bytes(data[index + 1 : index + 9], "little")
+    over = chunks[1].chunk_start_offset + chunks[1].chunk_length - index - 9
+    assert data[index] == 7 and over > length
+    data[index + 1 : index + 9] = over.to_bytes(8, "little")
+    part = tmp_path / "a.mcap.part"
+    part.write_bytes(data)
+    result = recover(part)
+    log = open_log(result.path)
+    assert [impact.logged for impact in log] == [evaluate(record) for record in records]
+    assert any(f"at offset {index} are damaged" in text for text in result.lost)

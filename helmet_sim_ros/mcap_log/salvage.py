@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import mmap
 import re
+import struct
 from collections.abc import Iterator
 from io import BytesIO
 from typing import IO, Any
@@ -111,8 +112,10 @@ class Salvage:
         if opcode == Opcode.DATA_END:
             if length != DATA_END.size - RECORD.size or self._end not in (None, offset):
                 raise ValueError("an end mark where none belongs")
-        elif opcode not in _DATA and opcode < _FOREIGN:
+        elif opcode not in _DATA and (opcode < _FOREIGN or self._format != 1):
             raise ValueError("no record begins there")
+        elif opcode == Opcode.HEADER and offset != len(MAGIC):
+            raise ValueError("a header where none belongs")
         if end > self._size:
             raise EOFError("cut off")
         return opcode, end
@@ -133,7 +136,12 @@ class Salvage:
         elif opcode == Opcode.ATTACHMENT:
             yield read_attachment(self._stream, offset, bare=self._format == 1)
         else:
-            yield from self._parsed(opcode, read_record(self._stream, offset, opcode))
+            content = read_record(self._stream, offset, opcode)
+            if opcode == Opcode.MESSAGE_INDEX:
+                (size,) = struct.unpack_from("<I", content, 2)
+                if size + 6 != len(content) or size % 16:  # or it would hide what it reaches over
+                    raise ValueError("it contradicts itself")
+            yield from self._parsed(opcode, content)
 
     def _parsed(self, opcode: int, content: bytes) -> Iterator[Any]:
         if opcode == Opcode.MESSAGE:
