@@ -234,11 +234,13 @@ class ImpactLog:
             )
 
     def _refuse_newer(self) -> None:
-        version = self.run.get("format", "1")
-        if not (version.isdecimal() and version.isascii() and len(version) < 7):
-            raise LogError(f"{self.path}: log format {version!r} is not a number")
-        version = str(max(int(version), self._source.format))
-        if int(version) > FORMAT_VERSION:
+        version = self._source.format  # first: a later one may seal its metadata otherwise
+        if version <= FORMAT_VERSION:
+            text = self.run.get("format", "1")
+            if not (text.isdecimal() and text.isascii() and len(text) < 7):
+                raise LogError(f"{self.path}: log format {text!r} is not a number")
+            version = int(text)
+        if version > FORMAT_VERSION:
             raise LogError(
                 f"{self.path}: log format {version}; this program reads up to {FORMAT_VERSION}, "
                 "a later one is needed"
