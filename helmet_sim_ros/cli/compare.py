@@ -8,11 +8,11 @@ from pathlib import Path
 
 import click
 from rich import box
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from helmet_sim_ros.biomech.catalogue import entry
+from helmet_sim_ros.cli._console import PlainConsole
 from helmet_sim_ros.cli._logs import DIFFERENT, FINE
 from helmet_sim_ros.errors import LogError
 from helmet_sim_ros.mcap_log import open_log
@@ -83,7 +83,7 @@ def command(
 def _show(
     rows: list[tuple[Pair, list[Change]]], a: Path, b: Path, tolerance: float, same: bool
 ) -> None:
-    console = Console(highlight=False)
+    console = PlainConsole()
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
     table.add_column("impact")
     table.add_column("criterion", no_wrap=True)

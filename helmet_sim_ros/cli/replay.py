@@ -8,8 +8,8 @@ import time
 from pathlib import Path
 
 import click
-from rich.console import Console
 
+from helmet_sim_ros.cli._console import PlainConsole
 from helmet_sim_ros.cli._logs import FINE, complain, for_each_log, logs_argument
 from helmet_sim_ros.errors import LogError
 from helmet_sim_ros.mcap_log import ImpactLog, LoggedImpact
@@ -83,7 +83,7 @@ def command(
             options = VideoOptions(width, height, rate, slow, close, azimuth, elevation)
             count = write_video(impact.record, path, options, label(impact.setup))
             text = f"{os.path.relpath(path)} ({count} pictures)"
-            Console(highlight=False).print(text, markup=False, soft_wrap=True)
+            PlainConsole().print(text, markup=False, soft_wrap=True)
         return FINE
 
     raise SystemExit(for_each_log(logs, show))
