@@ -6,8 +6,24 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 
+def printable(text: str) -> str:
+    """Text as a terminal may show it: what is not printable is written as its escape.
+
+    Names in files of others end up in messages; none of them moves the cursor or turns the
+    direction of reading. Line breaks stay.
+    """
+    if text.isprintable():
+        return text
+    return "".join(
+        c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode() for c in text
+    )
+
+
 class HelmetSimError(Exception):
     """Base of every error this package raises on purpose."""
+
+    def __str__(self) -> str:
+        return printable(super().__str__())
 
 
 class Problem(NamedTuple):
@@ -18,10 +34,16 @@ class Problem(NamedTuple):
     allowed: str
 
     def __str__(self) -> str:
-        shown = repr(self.value)
+        try:
+            shown = repr(self.value)
+        except RecursionError:
+            shown = "(nested too deep to be shown)"
         if len(shown) > 120:
             shown = shown[:117] + "..."
-        return f"{self.key} = {shown}: {self.allowed}"
+        key = self.key or "(empty)"
+        if len(key) > 400:  # the end of a dotted name says most
+            key = f"{key[:200]}...{key[-190:]}"
+        return f"{key} = {shown}: {self.allowed}"
 
 
 class SetupError(HelmetSimError, ValueError):

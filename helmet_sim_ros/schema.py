@@ -51,6 +51,9 @@ class Config(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
     def __init__(self, **data: Any) -> None:
+        for name, value in data.items():
+            if isinstance(value, Mapping):  # pydantic would pass them on as keyword arguments
+                _refuse_foreign_keys(value, f"{name}.")
         try:
             super().__init__(**data)
         except ValidationError as error:
@@ -72,11 +75,10 @@ class Config(BaseModel):
             SetupError: not a mapping, or a refused value; names ``source``.
         """
         if not isinstance(data, Mapping):
-            raise SetupError.of("(document)", data, "must be a mapping of keys to values", source)
-        wrong = [key for key in data if not isinstance(key, str)]
-        if wrong:
-            raise SetupError.of(str(wrong[0]), data[wrong[0]], "a key must be text", source)
+            kind = type(data).__name__  # and not what is in it: it may be any file of the machine
+            raise SetupError.of("(document)", kind, "must be a mapping of keys to values", source)
         try:
+            _refuse_foreign_keys(data)
             return cls(**data)
         except SetupError as error:
             raise error.within(source) from None
@@ -98,6 +100,12 @@ class Config(BaseModel):
                 group = group[part]
             group[last] = value
         return type(self)(**data)
+
+
+def _refuse_foreign_keys(data: Mapping[Any, Any], prefix: str = "") -> None:
+    for key, value in data.items():
+        if not isinstance(key, str):
+            raise SetupError.of(f"{prefix}{key}", value, "a key must be text")
 
 
 def quantity(description: str, unit: str, default: Any = ..., **rules: float) -> Any:

@@ -173,15 +173,15 @@ def from_block(
                 arrays[name] = arrays["ground_force"] * np.array([1.0, 1.0, 0.0])
                 continue
             arrays[name] = block[:, [column[f"{name}.{c}"] for c in components]]
+        prefix = "joint_position."
+        joints = tuple(label[len(prefix) :] for label in labels if label.startswith(prefix))
+        arrays["joint_positions"] = block[:, [column[f"joint_position.{j}"] for j in joints]]
+        arrays["joint_velocities"] = block[:, [column[f"joint_velocity.{j}"] for j in joints]]
     except KeyError as missing:
         raise PulseError(f"samples: no column {missing}") from None
-    prefix = "joint_position."
-    joints = tuple(label[len(prefix) :] for label in labels if label.startswith(prefix))
     return ImpactRecord(
         **arrays,
         joint_names=joints,
-        joint_positions=block[:, [column[f"joint_position.{j}"] for j in joints]],
-        joint_velocities=block[:, [column[f"joint_velocity.{j}"] for j in joints]],
         setup=dict(setup or {}),
         extras=dict(extras or {}),
     )

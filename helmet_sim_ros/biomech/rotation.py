@@ -120,7 +120,7 @@ def bric(
     Raises:
         PulseError: bad signal, or an unknown set.
     """
-    if critical not in BRIC_CRITICAL:
+    if not isinstance(critical, str) or critical not in BRIC_CRITICAL:
         raise PulseError(f"critical = {critical!r}: must be one of {', '.join(BRIC_CRITICAL)}")
     return bric_of(axis_peaks(finite_array("angular_velocity", angular_velocity, 3)), critical)
 
