@@ -120,6 +120,28 @@ def test_a_video_has_the_pictures_that_were_asked_for(backend, path, tmp_path):
     assert lines[-1] > lines[len(lines) // 2] > lines[0]
 
 
+def test_one_impact_goes_into_the_file_that_was_named(backend, path, tmp_path):
+    video = tmp_path / "v.mp4"
+    arguments = ["replay", str(path), "--size", "64x64", "--rate", "2", "-o", str(video)]
+    result = subprocess.run(
+        [sys.executable, "-m", "helmet_sim_ros", *arguments],
+        env=os.environ | {"MUJOCO_GL": backend}, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert result.returncode == 0, result.stderr
+    assert video.is_file() and list(tmp_path.iterdir()) == [video]
+
+
+def test_one_video_is_not_for_several_impacts(path, tmp_path):
+    video = tmp_path / "v.mp4"
+    two = tmp_path / "two.mcap"
+    write_log(two, [SETUP, SETUP])
+    answer = CliRunner().invoke(main, ["replay", str(two), "-o", str(video)])
+    assert answer.exit_code == 2 and "2 impacts for the one video" in answer.stderr
+    answer = CliRunner().invoke(main, ["replay", str(two), str(path), "-o", str(video)])
+    assert answer.exit_code == 2 and "name a folder" in answer.stderr
+    assert not video.exists()
+
+
 def test_what_cannot_be_drawn_is_told(path, monkeypatch):
     monkeypatch.setenv("MUJOCO_GL", "nonsense")
     with pytest.raises(GraphicsError, match="libegl1"):
