@@ -15,11 +15,13 @@ from mcap.writer import CompressionType, Writer
 from helmet_sim_ros.errors import IncompleteError, LogError
 from helmet_sim_ros.mcap_log.blocks import Assembler, Block, parse_block
 from helmet_sim_ros.mcap_log.decode import Decoder
+from helmet_sim_ros.mcap_log.digest import SETUP_DIGEST
 from helmet_sim_ros.mcap_log.layout import (
     CRITERIA_TOPIC,
     CRITERIA_TYPE,
     FORMAT_KEY,
     IMPACT,
+    NO_CRITERIA,
     RECOVERED,
     RUN,
     SAMPLES_TOPIC,
@@ -155,7 +157,8 @@ def _plan(stream: IO[bytes], path: Path) -> _Plan:
             verdicts += 1
     for assembler in assemblers.values():
         plan.lost += [done.problem for done in assembler.abandon("the log ends")]
-    if not sound.problems:
+    # One that was killed before it had its final name is complete, and yet no finished log.
+    if not sound.problems and not path.name.endswith(PART):
         McapSource(path)  # whatever else is wrong with it is told
         raise LogError(f"{path}: is finished and sound, there is nothing to recover")
     plan.lost += _missing(plan, sound, verdicts) + sound.problems
@@ -188,7 +191,11 @@ def _missing(plan: _Plan, sound: Salvage, verdicts: int) -> list[str]:
         logged = counts and sum(counts.channel_message_counts.get(c, 0) for c in plan.criteria)
         if logged == verdicts:
             return lost
-    silent = [impact_id for impact_id in plan.complete if impact_id not in plan.judged]
+    silent = [
+        impact_id
+        for impact_id in plan.complete
+        if impact_id not in plan.judged and NO_CRITERIA + impact_id not in plan.described
+    ]
     if silent:
         lost.append(f"criteria, lost or never logged, of impacts {', '.join(silent)}")
     return lost
@@ -320,6 +327,8 @@ class _Copier:
                 "problem": "",
                 "setup": json.dumps(first.setup),
             }
+            if first.setup_digest is not None:
+                values[SETUP_DIGEST] = first.setup_digest
             if first.model is not None:
                 digest = hashlib.sha256(first.model.encode()).hexdigest()[:12]
                 values["model"] = f"model_{digest}.xml"
