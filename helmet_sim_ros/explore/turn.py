@@ -1,0 +1,100 @@
+"""The controls of a setup on the page, made from the schema."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from typing import Any
+
+import viser
+
+from helmet_sim_ros.explore.controls import Control, control, controls
+
+#: Groups that are open from the start.
+_OPEN = ("impact",)
+
+Changed = Callable[[str, Any], None]
+
+
+class TurnPanel:
+    """A widget for every control, in folders like the names.
+
+    Args:
+        server: where the widgets go, inside the present container.
+        changed: called with dotted name and content when the user turns one.
+    """
+
+    def __init__(self, server: viser.ViserServer, changed: Changed) -> None:
+        self._gui, self._changed = server.gui, changed
+        self._widgets: dict[str, Any] = {}
+        self._setting = False
+        self._folders: dict[tuple[str, ...], viser.GuiFolderHandle] = {}
+        for each in controls():
+            with ExitStack() as stack:
+                stack.enter_context(self._folder(each.group))
+                self._widgets[each.name] = self._added(each)
+
+    def set(self, values: dict[str, Any], but: str = "") -> None:
+        """Show these values without reporting them back; ``but`` is what the user is turning."""
+        self._setting = True
+        try:
+            for name, value in values.items():
+                widget = self._widgets.get(name)
+                if widget is None or name == but:
+                    continue
+                known = control(name)
+                content = known.shown(value)
+                if known.kind == "menu" and content not in widget.options:
+                    widget.options = (*widget.options, content)
+                if known.kind == "slider":
+                    widget.precision = max(_digits(known.step), _digits(content))
+                if widget.value != content:
+                    widget.value = content
+        finally:
+            self._setting = False
+
+    def _folder(self, group: tuple[str, ...]) -> viser.GuiFolderHandle:
+        if group not in self._folders:
+            with ExitStack() as stack:
+                if len(group) > 1:
+                    stack.enter_context(self._folder(group[:-1]))
+                title = group[-1].replace("_", " ").capitalize()
+                self._folders[group] = self._gui.add_folder(
+                    title, expand_by_default=group[0] in _OPEN
+                )
+        return self._folders[group]
+
+    def _added(self, each: Control) -> Any:
+        value = each.shown(each.leaf.default)
+        widget: Any
+        if each.kind == "slider":
+            whole = each.leaf.type is int
+            low, high, step = (
+                round(v) if whole else float(v) for v in (each.minimum, each.maximum, each.step)
+            )
+            widget = self._gui.add_slider(
+                each.label, low, high, step, value, hint=each.hint
+            )  # fmt: skip
+        elif each.kind == "menu":
+            choices = each.choices if value in each.choices else (*each.choices, value)
+            widget = self._gui.add_dropdown(
+                each.label, choices, initial_value=value, hint=each.hint
+            )
+        elif each.kind == "switch":
+            widget = self._gui.add_checkbox(each.label, value, hint=each.hint)
+        else:
+            widget = self._gui.add_text(each.label, value, hint=each.hint)
+
+        @widget.on_update
+        def _(event: Any, name: str = each.name, widget: Any = widget) -> None:
+            if not self._setting and event.client_id is not None:
+                # The value of now: events of a fast hand may overtake one another.
+                self._changed(name, widget.value)
+
+        return widget
+
+
+def _digits(number: float) -> int:
+    """Decimals that show a number exactly, up to 8."""
+    text = f"{number:.8f}".rstrip("0")
+    return len(text.partition(".")[2])
