@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import click
@@ -74,6 +74,24 @@ def impact(
     # Refuse bad input before anyone is asked; what of sim.* is no part of a setup the node judges.
     setup_from_names({k: v for k, v in values.items() if not k.startswith("sim.") or k in own})
 
+    for key, value in ask_for_impact(values, namespace, timeout, domain_id).items():
+        Console(highlight=False).print(f"{key}: {value}", soft_wrap=True)
+
+
+def ask_for_impact(
+    values: Mapping[str, Any], namespace: str, timeout: float, domain_id: int | None = None
+) -> dict[str, Any]:
+    """Set values on a running simulation and run one impact; its answer.
+
+    Args:
+        values: by dotted names; what is not given stays as it is on the node.
+        namespace: of the nodes.
+        timeout: longest wait for an answer [s].
+        domain_id: ROS domain; None: ``ROS_DOMAIN_ID``.
+
+    Raises:
+        NodeError: no simulation was found, or it refused, or did not answer in time.
+    """
     prepare_environment(domain_id)
     with ros_client() as node:
         from rcl_interfaces.srv import SetParametersAtomically
@@ -86,8 +104,9 @@ def impact(
         for client in (change, run):
             wait_for_service(node, client, min(timeout, FIND_TIMEOUT))
         if values:
+            plain = {k: list(v) if isinstance(v, tuple) else v for k, v in values.items()}
             request = SetParametersAtomically.Request(
-                parameters=[Parameter(k, value=v).to_parameter_msg() for k, v in values.items()]
+                parameters=[Parameter(k, value=v).to_parameter_msg() for k, v in plain.items()]
             )
             result = call(node, change, request, timeout).result
             if not result.successful:
@@ -95,5 +114,5 @@ def impact(
         answer = call(node, run, Trigger.Request(), timeout)
     if not answer.success:
         raise NodeError(f"no impact: {answer.message}")
-    for key, value in json.loads(answer.message).items():
-        Console(highlight=False).print(f"{key}: {value}", soft_wrap=True)
+    found: dict[str, Any] = json.loads(answer.message)
+    return found

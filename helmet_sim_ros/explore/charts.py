@@ -11,13 +11,13 @@ from helmet_sim_ros.biomech.helmet import compression
 from helmet_sim_ros.biomech.pulse import FloatArray, magnitude
 from helmet_sim_ros.biomech.record import ImpactRecord
 from helmet_sim_ros.explore.colors import SIDE_COLORS, SIDE_TINTS, css
-from helmet_sim_ros.explore.curves import CHARTS, Chart, chart_data, limit_line
+from helmet_sim_ros.explore.curves import CHARTS, Chart, chart_data, limit_line, limit_of
 from helmet_sim_ros.explore.markup import STYLE
 from helmet_sim_ros.explore.session import Shown, Side
 from helmet_sim_ros.report.crush import crush_panel
 from helmet_sim_ros.report.svg import Curve, panel
 
-_HEIGHT = 165  # px
+_HEIGHT = 170  # px
 _LIMIT_COLOR = "#c92a2a"
 
 
@@ -30,7 +30,7 @@ class Charts:
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._gui = server.gui
-        self._drawn: tuple[tuple[Side, ...], list[bool]] = ((), [])
+        self._drawn: tuple[tuple[Side, ...], list[float | None]] = ((), [])
         self._folder = self._gui.add_folder("Histories over time [ms]")
         self.handles: list[viser.GuiUplotHandle] = []
         self._maps = self._gui.add_html("")
@@ -41,45 +41,47 @@ class Charts:
         records = {side: impact.record for side, impact in impacts.items()}
         evaluations = [impact.evaluation for impact in impacts.values()]
         every: list[tuple[FloatArray, ...]] = []
-        limited: list[bool] = []
-        for chart in CHARTS:
+        limits = [limit_of(chart, evaluations) for chart in CHARTS]
+        for chart, limit in zip(CHARTS, limits, strict=True):
             data = chart_data(chart, list(records.values()))
-            limit = limit_line(chart, evaluations, data)
-            limited.append(limit is not None)
-            every.append((*data, *([] if limit is None else [limit])))
-        if (sides, limited) != self._drawn:
-            self._rebuild(sides, limited, every)
+            every.append((*data, *([] if limit is None else [limit_line(limit, data)])))
+        if (sides, limits) != self._drawn:
+            self._rebuild(sides, limits, every)
         else:
             for handle, arrays in zip(self.handles, every, strict=True):
                 handle.data = arrays
         self._maps.content = _maps(records)
 
     def _rebuild(
-        self, sides: tuple[Side, ...], limited: list[bool], every: list[tuple[FloatArray, ...]]
+        self,
+        sides: tuple[Side, ...],
+        limits: list[float | None],
+        every: list[tuple[FloatArray, ...]],
     ) -> None:
         for handle in self.handles:
             handle.remove()
-        self._drawn = sides, limited
+        self._drawn = sides, limits
         with self._folder:
             self.handles = [
                 self._gui.add_uplot(
                     data, _series(chart, sides, limit), title=chart.title, height=_HEIGHT,
                     scales={"x": uplot.Scale(time=False), "y": uplot.Scale(auto=True)},
-                    axes=(uplot.Axis(size=26), uplot.Axis(size=44)), padding=(6, 10, 0, 0),
-                ) for chart, limit, data in zip(CHARTS, limited, every, strict=True)
+                    axes=(uplot.Axis(size=36), uplot.Axis(size=44)), padding=(6, 10, 0, 0),
+                ) for chart, limit, data in zip(CHARTS, limits, every, strict=True)
             ]  # fmt: skip
 
 
-def _series(chart: Chart, sides: tuple[Side, ...], limit: bool) -> tuple[uplot.Series, ...]:
+def _series(chart: Chart, sides: tuple[Side, ...], limit: float | None) -> tuple[uplot.Series, ...]:
     series = [uplot.Series(label="t [ms]")]
     for side in sides:
         for number, label in enumerate(chart.labels):
             color = (SIDE_TINTS if number else SIDE_COLORS)[side]
-            words = [side] * (len(sides) > 1) + [label] * (len(sides) == 1 or number > 0)
+            words = [side] * (len(sides) > 1)
+            words += [label] * (len(sides) == 1 or len(chart.labels) > 1)
             dash = (6.0, 4.0) if side == "B" else ()
             series.append(_curve(" ".join(words), css(color), 2.0, dash))
-    if limit:
-        series.append(_curve("limit", _LIMIT_COLOR, 1.0, ()))
+    if limit is not None:
+        series.append(_curve(f"limit {limit:g}", _LIMIT_COLOR, 1.0, ()))
     return tuple(series)
 
 

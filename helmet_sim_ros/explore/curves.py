@@ -84,19 +84,20 @@ def chart_data(chart: Chart, records: Sequence[ImpactRecord | None]) -> list[Flo
     return columns
 
 
-def limit_line(
-    chart: Chart, evaluations: Sequence[Evaluation | None], data: Sequence[FloatArray]
-) -> FloatArray | None:
-    """The limit on the times of a chart; None where there is none or it is far above the curves."""
+def limit_of(chart: Chart, evaluations: Sequence[Evaluation | None]) -> float | None:
+    """The limit of a chart's criterion in the chart's unit; None where the standard sets none."""
     if chart.limited is None:
         return None
     name, factor = chart.limited
     found = [e.criteria[name].limit for e in evaluations if e is not None and name in e.criteria]
-    if not found or found[0] is None:
-        return None
-    limit = factor * found[0]  # one standard judges all
+    return None if not found or found[0] is None else factor * found[0]  # one standard judges all
+
+
+def limit_line(limit: float, data: Sequence[FloatArray]) -> FloatArray:
+    """A limit on the times of a chart; nothing where it is far above the curves."""
     peak = max(float(np.nanmax(curve)) for curve in data[1:])
-    return np.full(len(data[0]), limit) if limit <= _LIMIT_IN_SIGHT * peak else None
+    count = len(data[0])
+    return np.full(count, limit) if limit <= _LIMIT_IN_SIGHT * peak else _nothing(count)
 
 
 def at_time(record: ImpactRecord, index: int) -> Mapping[str, float]:

@@ -10,8 +10,8 @@ from helmet_sim_ros.biomech.catalogue import CATALOGUE, HEADLINE, entry
 from helmet_sim_ros.biomech.evaluation import SPOKEN
 from helmet_sim_ros.biomech.result import Criterion, Evaluation
 from helmet_sim_ros.errors import PulseError
-from helmet_sim_ros.explore.controls import spelled
 from helmet_sim_ros.explore.colors import SIDE_COLORS, css
+from helmet_sim_ros.explore.controls import spelled
 from helmet_sim_ros.explore.session import Session, Shown, Side
 from helmet_sim_ros.report.summary import label, shown
 
@@ -36,6 +36,7 @@ STYLE = f"""<style>
 .hs-card {{ border: 1px solid rgba(128,128,128,.28); border-radius: 5px; padding: 4px 7px; }}
 .hs-card.fail {{ border-color: #c92a2a; background: rgba(201,42,42,.08); }}
 .hs-card b {{ font-size: 17px; font-weight: 600; white-space: nowrap; }}
+.hs-cards.two b {{ font-size: 14px; }}
 .hs-card small {{ font-size: 11px; opacity: .65; display: block; white-space: nowrap; }}
 .hs table {{ border-collapse: collapse; width: 100%; font-size: 12px; }}
 .hs td, .hs th {{ padding: 2px 4px; border-bottom: 1px solid rgba(128,128,128,.2);
@@ -178,7 +179,8 @@ def _cards(impacts: Mapping[Side, Shown]) -> str:
             f'<div class="hs-card{" fail" * failed}"><small>{_SHORT[name]}{limit}</small>'
             f'{values}<span class="hs-dim">{escape(_unit(unit))}</span></div>'
         )
-    return f'<div class="hs-cards">{"".join(cards)}</div>'
+    two = " two" * (len(evaluations) > 1)
+    return f'<div class="hs-cards{two}">{"".join(cards)}</div>'
 
 
 def _notes(impact: Shown) -> list[str]:

@@ -16,7 +16,8 @@ from helmet_sim_ros.model.helmet import Helmet
 OPEN_FACE_MASS = 0.7
 #: Half widths of the eye port of a full-face helmet and its middle, azimuth and elevation [deg],
 #: and how square it is; how far down shell and liner reach [share of the vertical semi-axis];
-#: thickness of the wall, and how far the visor lies inside [share of the radius]. Choices for the picture alone.
+#: thickness of the wall, and how far the visor lies inside [share of the radius]; how flat the ends
+#: of a part of the trunk are. Choices for the picture alone.
 _PORT, _PORT_MIDDLE, _SQUARENESS = (72.0, 21.0), 4.0, 4.0
 _RIM_FULL, _RIM_OPEN = -0.86, -0.22
 _OPEN_FACE_RISE = 0.34
@@ -31,7 +32,7 @@ class Mesh(NamedTuple):
     faces: NDArray[np.int64]
 
 
-def sphere(rows: int = 24, columns: int = 36) -> Mesh:
+def sphere(rows: int = 18, columns: int = 28) -> Mesh:
     """The unit sphere."""
     elevation = np.linspace(-0.5 * np.pi, 0.5 * np.pi, rows + 1)
     azimuth = np.linspace(0.0, 2.0 * np.pi, columns, endpoint=False)
@@ -52,7 +53,7 @@ def rounded(axes: tuple[float, float, float]) -> Mesh:
 
 def capsule(radius: float, half_length: float) -> Mesh:
     """A capsule along z."""
-    unit = sphere(16, 24)
+    unit = sphere(12, 18)
     shift = np.where(unit.vertices[:, 2:] > 0.0, half_length, -half_length)
     shift[np.abs(unit.vertices[:, 2]) < 1e-12] = 0.0  # the middle row joins both halves
     vertices = radius * unit.vertices
@@ -101,7 +102,7 @@ def helmet_mesh(helmet: Helmet) -> HelmetMesh:
 @lru_cache(maxsize=2)
 def _unit_helmet(open_face: bool) -> HelmetMesh:
     """A helmet whose shell has semi-axes of 1."""
-    unit = sphere(60, 96)
+    unit = sphere(48, 72)
     x, y, z = unit.vertices.T
     if open_face:
         # Higher over the face than over the nape.
@@ -114,10 +115,17 @@ def _unit_helmet(open_face: bool) -> HelmetMesh:
         port += (np.abs(elevation) / _PORT[1]) ** _SQUARENESS
         kept, inside_port = np.minimum(port - 1.0, z - _RIM_FULL), 1.0 - port
     outer = _clipped(unit, kept)
-    edges, n = _open_edges(outer.faces), len(outer.vertices)
-    rim = [[b, a, a + n] for a, b in edges] + [[b, a + n, b + n] for a, b in edges]
-    faces = np.vstack([outer.faces, outer.faces[:, ::-1] + n, np.array(rim, dtype=int)])
     vertices = np.vstack([outer.vertices, outer.vertices * (1.0 - _WALL)])
+    edges, n = np.array(_open_edges(outer.faces)), len(outer.vertices)
+    # The rim has vertices of its own, so that its edges are drawn sharp.
+    border = np.vstack([vertices[edges.ravel()], vertices[edges.ravel() + n]])
+    m, count = len(vertices), edges.size
+    a = m + np.arange(0, count, 2)
+    rim = np.vstack(
+        [np.column_stack([a + 1, a, a + count]), np.column_stack([a + 1, a + count, a + 1 + count])]
+    )
+    faces = np.vstack([outer.faces, outer.faces[:, ::-1] + n, rim])
+    vertices = np.vstack([vertices, border])
     glass = _clipped(unit, inside_port)
     return HelmetMesh(Mesh(vertices, faces), Mesh(glass.vertices * (1.0 - _SUNK), glass.faces))
 

@@ -17,9 +17,10 @@ from helmet_sim_ros.explore.charts import Charts
 from helmet_sim_ros.explore.presets import collections
 from helmet_sim_ros.explore.replay import Replay, sample_at
 from helmet_sim_ros.explore.session import SIDES, Session, Shown, Side
-from helmet_sim_ros.explore.stage import BESIDE, Stage
+from helmet_sim_ros.explore.stage import BESIDE, Stage, axes
 from helmet_sim_ros.explore.take import LogPanel, PresetPanel, TakePanel
 from helmet_sim_ros.explore.turn import TurnPanel
+from helmet_sim_ros.explore.widgets import put
 from helmet_sim_ros.model.scene import Scene
 from helmet_sim_ros.report.scenes import scene_of
 
@@ -64,7 +65,7 @@ class Page:
             self._presets = PresetPanel(server, found, self._load)
         with tabs.add_tab("Log", viser.Icon.DATABASE):
             self.log = LogPanel(server, self.session, self._side, self._told)
-        with tabs.add_tab("Take", viser.Icon.SHARE):
+        with tabs.add_tab("Export", viser.Icon.SHARE):
             self._take = TakePanel(server, self.session, self._side)
         self._add_results()
         self._add_replay()
@@ -115,9 +116,11 @@ class Page:
             with self._lock:
                 if self._compare.value:
                     self.session.open_b()
-                    self._turning.visible, self._turning.value = True, "B"
+                    self._turning.visible = True
+                    put(self._turning, "B")
                 else:
-                    self._turning.visible, self._turning.value = False, "A"
+                    self._turning.visible = False
+                    put(self._turning, "A")
                     self.session.close_b()
                 self._told()
 
@@ -182,9 +185,10 @@ class Page:
                     self._replay.to_peak()
 
     def _place(self, side: Side, shown: Shown, scene: Scene | None) -> None:
-        if side == "B" and shown.record is not None:
-            self._offset["B"] = BESIDE * self._sideways()
-        self._stages[side].show(shown, scene, self._offset[side])
+        sideways = self._sideways()
+        if side == "B":
+            self._offset["B"] = BESIDE * sideways
+        self._stages[side].show(shown, scene, self._offset[side], -sideways)
 
     def _draw(self, seconds: float) -> None:
         with self._server.atomic():
@@ -197,7 +201,7 @@ class Page:
         along, face = np.array([1.0, 0.0, 0.0]), np.array([0.0, -1.0, 0.0])
         impact = self._impacts.get("A")
         if impact is not None and impact.record is not None:
-            along, face = self._stages["A"].axes()
+            along, face = axes(impact.record)
         across = np.cross([0.0, 0.0, 1.0], along)
         norm = float(np.linalg.norm(across))
         across = np.array([0.0, 1.0, 0.0]) if norm < 1e-6 else across / norm

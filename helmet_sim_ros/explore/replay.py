@@ -11,6 +11,7 @@ import viser
 from helmet_sim_ros.explore.curves import at_time
 from helmet_sim_ros.explore.markup import STYLE
 from helmet_sim_ros.explore.session import Shown, Side
+from helmet_sim_ros.explore.widgets import put
 
 _PLAY, _PAUSE, _PEAK = "play", "pause", "to the peak"
 _RATE = 30.0  # pictures per second
@@ -114,7 +115,7 @@ class Replay:
     def _set(self, milliseconds: float) -> None:
         self._setting = True
         try:
-            self._time.value = milliseconds
+            put(self._time, milliseconds)
         finally:
             self._setting = False
 

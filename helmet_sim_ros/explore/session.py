@@ -229,7 +229,7 @@ class Session:
         with self._lock:
             self._worker.forget("B")
             for held in (self._slots, self._latest, self._logged):
-                held.pop("B", None)  # type: ignore[attr-defined]
+                held.pop("B", None)
         self._shown("B", None)
 
     def say(self, problem: str) -> None:

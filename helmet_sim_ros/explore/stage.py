@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import viser
+from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from helmet_sim_ros.biomech.record import FloatArray, ImpactRecord
@@ -21,6 +22,8 @@ _HELMET = "helmet"
 BESIDE = 1.3
 #: Crush below this share of the largest is not drawn.
 _LEAST_CRUSH = 0.02
+#: How far the copy of a crushed helmet hangs above it, and discs lie above a shell [m].
+_COPY_ABOVE, _ABOVE_SHELL = 0.62, 0.003
 
 
 class Stage:
@@ -38,18 +41,23 @@ class Stage:
         self._looks: list[object] = []
         self._helmet: list[Any] = []
         self._helmet_look: object = None
-        self._crush: Any = None
+        self._crush: list[Any] = []
+        self._copy: Any = None
+        self._label: Any = None
         self._arrows: Any = None
         self._model: Scene | None = None
         self.shown: Shown | None = None
 
-    def show(self, shown: Shown, scene: Scene | None, offset: FloatArray) -> None:
+    def show(
+        self, shown: Shown, scene: Scene | None, offset: FloatArray, viewed_from: FloatArray
+    ) -> None:
         """Take another impact; :meth:`draw` poses it.
 
         Args:
             shown: the impact.
             scene: its shapes; None where there is nothing to draw.
             offset: moves the whole side, (3,) [m].
+            viewed_from: direction from which it is mostly seen, (3,).
         """
         if scene is None or shown.record is None:
             self.clear()
@@ -58,7 +66,7 @@ class Stage:
         self._frame.position = tuple(offset)
         self._show_shapes(scene)
         self._show_helmet(scene)
-        self._show_crush(shown.record)
+        self._show_crush(scene, shown.record, viewed_from)
         if self._arrows is None:
             points = np.zeros((2, 2, 3), dtype=np.float32)
             colors = np.array([rgb(arrow.color) for arrow in force_arrows(shown.record, 0)])
@@ -69,11 +77,13 @@ class Stage:
 
     def clear(self) -> None:
         """Draw nothing."""
-        for node in [*self._nodes, self._crush, *self._helmet, self._arrows]:
+        for node in [*self._nodes, *self._crush, *self._helmet, self._arrows]:
             if node is not None:
                 node.remove()
+        self._remove_copy()
         self._nodes, self._looks, self._helmet, self._helmet_look = [], [], [], None
-        self._crush = self._arrows = self._model = self.shown = None
+        self._crush = []
+        self._arrows = self._model = self.shown = None
 
     def draw(self, index: int) -> None:
         """Pose everything at one sample."""
@@ -93,19 +103,6 @@ class Stage:
             [p if seen else [p[0], p[0]] for p, seen in zip(points, visible, strict=True)],
             dtype=np.float32,
         )
-
-    def axes(self) -> tuple[FloatArray, FloatArray]:
-        """Unit vectors at the first touch, (3,) each: from pelvis to head, and where he looks."""
-        assert self._model is not None and self.shown is not None
-        record = self.shown.record
-        assert record is not None
-        positions, _ = self._model.poses(record, 0)
-        head = record.head_position[0]
-        along = head - positions.mean(axis=0)
-        turn = Rotation.from_quat(record.head_orientation[0])
-        if np.linalg.norm(along) < 0.05:  # a headform has no body
-            along = turn.apply([0.0, 0.0, 1.0])
-        return along / np.linalg.norm(along), turn.apply([1.0, 0.0, 0.0])
 
     def extent(self, helmet_only: bool) -> tuple[FloatArray, float]:
         """Middle (3,) and radius [m] of what is drawn at the first touch."""
@@ -143,52 +140,70 @@ class Stage:
         look = (drawn, helmet.shell.semi_axes, helmet.shell.center, helmet.mass)
         if look == self._helmet_look:
             return
-        for node in self._helmet:
+        for node in [*self._crush, *self._helmet]:
             node.remove()
-        self._helmet, self._helmet_look = [], look
+        self._crush, self._helmet, self._helmet_look = [], [], look
+        self._remove_copy()
         if not drawn:
             return
         mesh = meshes.helmet_mesh(helmet)
         shape = next(shape for shape in scene.shapes if shape.name == _HELMET)
         frame = self._scene.add_frame(f"{self._root}/helmet", show_axes=False)
-        shell = self._scene.add_mesh_simple(
+        self._scene.add_mesh_simple(
             f"{self._root}/helmet/shell", mesh.shell.vertices, mesh.shell.faces,
             color=shape_color(shape, self._side),
         )  # fmt: skip
         self._helmet = [frame]
-        assert shell is not None
         if len(mesh.visor.faces):
             self._scene.add_mesh_simple(
                 f"{self._root}/helmet/visor", mesh.visor.vertices, mesh.visor.faces,
                 color=(28, 32, 40), opacity=0.72, side="double",
             )  # fmt: skip
-        self._crush = None
 
-    def _show_crush(self, record: ImpactRecord) -> None:
-        """Discs on the shell, one for each crushed foam column, coloured by residual crush."""
-        if self._crush is not None:
-            self._crush.remove()
-            self._crush = None
-        residual, position = record.extras.get("residual_crush"), record.extras.get(
-            "column_position"
-        )  # fmt: skip
-        if not isinstance(residual, np.ndarray) or not isinstance(position, np.ndarray):
+    def _show_crush(self, scene: Scene, record: ImpactRecord, viewed_from: FloatArray) -> None:
+        """The map of residual crush: on the helmet, and on a copy above it that shows the dent."""
+        for node in self._crush:
+            node.remove()
+        self._crush = []
+        found = crush_of(record)
+        if found is None or not self._helmet:
+            self._remove_copy()
             return
-        worst = float(residual.max(initial=0.0))
-        crushed = residual > _LEAST_CRUSH * worst
-        if worst <= 0.0 or not self._helmet:
-            return
-        outwards = position / np.linalg.norm(position, axis=1, keepdims=True)
-        area = 4.0 * np.pi * float(np.mean(np.linalg.norm(position, axis=1))) ** 2
-        radius = 0.62 * float(np.sqrt(area / len(position)))
-        disc = meshes.disc()
-        self._crush = self._scene.add_batched_meshes_simple(
-            f"{self._root}/helmet/crush", disc.vertices * radius, disc.faces,
-            batched_wxyzs=_towards(outwards[crushed]),
-            batched_positions=position[crushed] + 0.003 * outwards[crushed],
-            batched_colors=crush_colors(residual[crushed] / worst),
-            side="double", cast_shadow=False, receive_shadow=False, lod="off",
-        )  # fmt: skip
+        residual, position = found
+        turn, _ = Rotation.align_vectors([viewed_from], [residual @ position])
+        copy = self._copy or self._added_copy(scene)
+        copy.position = record.helmet_position[0] + [0.0, 0.0, _COPY_ABOVE]
+        copy.wxyz = _wxyz(turn)
+        worst = 1e3 * float(residual.max())
+        self._label.text = f"{self._side}: crushed by {worst:.1f} mm"
+        self._label.position = turn.inv().apply([0.0, 0.0, 0.22])
+        for parent in ("helmet", "copy"):
+            node = self._scene.add_batched_meshes_simple(
+                f"{self._root}/{parent}/crush", **_discs(residual, position), side="double",
+                cast_shadow=False, receive_shadow=False, lod="off",
+            )  # fmt: skip
+            self._crush.append(node)
+
+    def _added_copy(self, scene: Scene) -> Any:
+        name = f"{self._root}/copy"
+        shell = meshes.helmet_mesh(scene.setup.helmet_config).shell
+        self._copy = self._scene.add_frame(name, show_axes=False)
+        self._scene.add_mesh_simple(
+            f"{name}/shell", shell.vertices, shell.faces, color=(206, 211, 218)
+        )
+        self._label = self._scene.add_label(f"{name}/label", "")
+        return self._copy
+
+    def _remove_copy(self) -> None:
+        if self._copy is not None:
+            self._copy.remove()
+        self._copy = self._label = None
+
+
+def axes(record: ImpactRecord) -> tuple[FloatArray, FloatArray]:
+    """Unit vectors of the head at the first touch, (3,) each: upwards, and where it looks."""
+    turn = Rotation.from_quat(record.head_orientation[0])
+    return turn.apply([0.0, 0.0, 1.0]), turn.apply([1.0, 0.0, 0.0])
 
 
 def shape_mesh(shape: SceneShape) -> meshes.Mesh | None:
@@ -208,9 +223,47 @@ def shape_mesh(shape: SceneShape) -> meshes.Mesh | None:
     return None
 
 
+def crush_of(record: ImpactRecord) -> tuple[FloatArray, FloatArray] | None:
+    """Residual crush [m] and position (n, 3) [m] of the foam columns that are crushed."""
+    residual, position = (record.extras.get(n) for n in ("residual_crush", "column_position"))
+    if not isinstance(residual, np.ndarray) or not isinstance(position, np.ndarray):
+        return None
+    worst = float(residual.max(initial=0.0))
+    if worst <= 0.0 or position.shape != (len(residual), 3):
+        return None
+    crushed = residual > _LEAST_CRUSH * worst
+    return residual[crushed], position[crushed]
+
+
+def _discs(residual: FloatArray, position: FloatArray) -> dict[str, Any]:
+    """Discs on a shell, as large as a column, coloured by crush."""
+    outwards = position / np.linalg.norm(position, axis=1, keepdims=True)
+    disc = meshes.disc()
+    return {
+        "vertices": disc.vertices * _spacing(position),
+        "faces": disc.faces,
+        "batched_wxyzs": _towards(outwards),
+        "batched_positions": position + _ABOVE_SHELL * outwards,
+        "batched_colors": crush_colors(residual / residual.max()),
+    }
+
+
+def _spacing(position: FloatArray) -> float:
+    """Radius [m] at which discs at these points just close the gaps between them."""
+    if len(position) < 2:
+        return 0.01
+    nearest = cKDTree(position).query(position, k=2)[0][:, 1]
+    return 0.62 * float(np.median(nearest))
+
+
 def _pose(node: Any, position: FloatArray, quaternion: FloatArray) -> None:
     x, y, z, w = quaternion
     node.position, node.wxyz = position, np.array([w, x, y, z])
+
+
+def _wxyz(turn: Rotation) -> FloatArray:
+    quaternion: FloatArray = turn.as_quat()[..., [3, 0, 1, 2]]
+    return quaternion
 
 
 def _towards(directions: FloatArray) -> FloatArray:
@@ -219,5 +272,4 @@ def _towards(directions: FloatArray) -> FloatArray:
     sine = np.linalg.norm(axis, axis=1, keepdims=True)
     angle = np.arctan2(sine, directions[:, 2:])
     unit = np.divide(axis, sine, out=np.tile([1.0, 0.0, 0.0], (len(axis), 1)), where=sine > 1e-9)
-    turned: FloatArray = Rotation.from_rotvec(unit * angle).as_quat()[:, [3, 0, 1, 2]]
-    return turned
+    return _wxyz(Rotation.from_rotvec(unit * angle))

@@ -13,6 +13,7 @@ from helmet_sim_ros.errors import HelmetSimError
 from helmet_sim_ros.explore import export, markup
 from helmet_sim_ros.explore.presets import Collection
 from helmet_sim_ros.explore.session import Session, Side
+from helmet_sim_ros.explore.widgets import put
 from helmet_sim_ros.mcap_log import ImpactLog, open_log
 from helmet_sim_ros.report.summary import labels
 
@@ -100,7 +101,7 @@ class LogPanel:
             options = self._impact.options
             step = 1 if self._step.value == "next" else -1
             at = options.index(self._impact.value) + step
-            self._impact.value = options[min(max(at, 0), len(options) - 1)]
+            put(self._impact, options[min(max(at, 0), len(options) - 1)])
             self._show()
 
     def open(self, path: str) -> None:
@@ -114,9 +115,9 @@ class LogPanel:
             self._refuse(str(error))
             return
         self._log = log
-        self._path.value = str(log.path)
+        put(self._path, str(log.path))
         self._impact.options = tuple(f"{i}: {name}" for i, name in enumerate(names, 1))
-        self._impact.value = self._impact.options[0]
+        put(self._impact, self._impact.options[0])
         self._impact.visible = self._step.visible = True
         said = [f"{len(log)} impacts", *log.warnings, *log.problems]
         self._about.content = f'{markup.STYLE}<div class="hs">' + "".join(

@@ -85,12 +85,12 @@ class TurnPanel:
         else:
             widget = self._gui.add_text(each.label, value, hint=each.hint)
 
-        @widget.on_update
-        def _(event: Any, name: str = each.name, widget: Any = widget) -> None:
+        def turned(event: viser.GuiEvent[Any]) -> None:
             if not self._setting and event.client_id is not None:
                 # The value of now: events of a fast hand may overtake one another.
-                self._changed(name, widget.value)
+                self._changed(each.name, widget.value)
 
+        widget.on_update(turned)
         return widget
 
 
