@@ -76,7 +76,7 @@ def _series(chart: Chart, sides: tuple[Side, ...], limit: float | None) -> tuple
     for side in sides:
         for number, label in enumerate(chart.labels):
             color = (SIDE_TINTS if number else SIDE_COLORS)[side]
-            words = [side] * (len(sides) > 1)
+            words: list[str] = [side] * (len(sides) > 1)
             words += [label] * (len(sides) == 1 or len(chart.labels) > 1)
             dash = (6.0, 4.0) if side == "B" else ()
             series.append(_curve(" ".join(words), css(color), 2.0, dash))

@@ -265,16 +265,11 @@ def slot_of(changes: Mapping[str, Any]) -> Slot:
     Raises:
         SetupError: a refused value.
     """
-    setup = setup_from_names(changes)
+    setup_from_names(changes)
     own = {HELMET: changes[HELMET]} if HELMET in changes else {}
-    before = slot_values(own)
-    kept = {name: value for name, value in changes.items() if before.get(name, ...) != value}
-    return Slot({**own, **kept}, setup)
-
-
-def slot_values(changes: Mapping[str, Any]) -> dict[str, Any]:
-    """The value of every control for given changes."""
-    return values_of(setup_from_names(changes), changes)
+    before = values_of(setup_from_names(own), own)
+    kept = own | {name: value for name, value in changes.items() if before.get(name, ...) != value}
+    return Slot(kept, setup_from_names(kept))
 
 
 def logged_slot(described: Mapping[str, Any]) -> Slot:
