@@ -25,7 +25,7 @@ from helmet_sim_ros.model.helmet import Helmet, load_helmet
 from helmet_sim_ros.model.setup import setup_from_names, setup_leaves
 from helmet_sim_ros.schema import leaves
 from helmet_sim_ros.study import load_scenario
-from helmet_sim_ros.study.overrides import parse_overrides
+from helmet_sim_ros.study.scenario.overrides import parse_overrides
 
 PATIENCE = 60.0
 SPEED = "impact.normal_velocity"
@@ -67,10 +67,10 @@ def test_controls_say_unit_range_and_meaning_of_the_schema():
             assert each.label.endswith(f"[{spelled(each.leaf.unit)}]")
         if each.kind == "slider":
             assert each.leaf.minimum <= each.minimum < each.maximum == each.leaf.maximum
-            assert each.minimum <= each.leaf.default <= each.maximum
+            assert each.minimum <= each.initial <= each.maximum
             assert 10 <= (each.maximum - each.minimum) / each.step <= 1000
         if each.kind == "menu":
-            assert each.leaf.default in each.choices
+            assert each.initial in each.choices
 
 
 def test_both_ends_of_every_slider_are_accepted_or_refused_by_a_reason_of_the_model():
@@ -107,6 +107,15 @@ def test_what_a_control_shows_reads_back_as_the_same_value():
 )
 def test_typed_texts_are_read_as_meant(name, text, value):
     assert control(name).parsed(text) == value
+
+
+def test_an_optional_value_with_limits_slides_from_what_it_resolves_to():
+    friction = control("impact.friction")
+    assert friction.kind == "slider" and friction.initial == ImpactSetup().described()[
+        "impact.friction"
+    ]  # fmt: skip
+    assert slot_of({"impact.friction": friction.initial}).changes != {}
+    assert slot_of({"impact.friction": None}).changes == {}
 
 
 # the worker

@@ -14,8 +14,8 @@ from helmet_sim_ros.explore.colors import SIDE_COLORS, SIDE_TINTS, css
 from helmet_sim_ros.explore.curves import CHARTS, Chart, chart_data, limit_line, limit_of
 from helmet_sim_ros.explore.markup import STYLE
 from helmet_sim_ros.explore.session import Shown, Side
-from helmet_sim_ros.report.crush import crush_panel
-from helmet_sim_ros.report.svg import Curve, panel
+from helmet_sim_ros.report.page.crush import crush_panel
+from helmet_sim_ros.report.page.svg import Curve, panel
 
 _HEIGHT = 170  # px
 _LIMIT_COLOR = "#c92a2a"

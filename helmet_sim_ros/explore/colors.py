@@ -16,6 +16,8 @@ SIDE_COLORS: dict[Side, RGB] = {"A": (31, 98, 184), "B": (222, 120, 24)}
 #: A second colour beside it, where a chart has two curves of one side.
 SIDE_TINTS: dict[Side, RGB] = {"A": (110, 170, 230), "B": (240, 180, 110)}
 
+SURFACE_COLOR: RGB = (168, 164, 158)
+
 _SKIN: RGB = (214, 172, 148)
 _SUIT: dict[Side, RGB] = {"A": (122, 134, 150), "B": (158, 146, 130)}
 _LEATHER: RGB = (62, 64, 72)
@@ -35,16 +37,14 @@ def rgb(color: tuple[float, ...]) -> RGB:
 
 
 def shape_color(shape: SceneShape, side: Side) -> RGB:
-    """A rider in a suit with gloves and boots; what is no part of a rider in its own colour."""
+    """A rider in a suit with gloves and boots, and his helmet in the colour of the side."""
     if shape.name == "helmet":
         return SIDE_COLORS[side]
     if shape.name == "head":
         return _SKIN
     if shape.name.startswith(("hand", "foot")):
         return _LEATHER
-    if shape.kind in ("ellipsoid", "capsule"):
-        return _SUIT[side]
-    return rgb(shape.color)
+    return _SUIT[side]
 
 
 def crush_colors(share: FloatArray) -> NDArray[np.uint8]:

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Literal
 
 import yaml
 
 from helmet_sim_ros.errors import SetupError
-from helmet_sim_ros.model.helmet import Helmet, load_helmet
+from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.setup import ImpactSetup, setup_leaves
 from helmet_sim_ros.resources import share_directory
-from helmet_sim_ros.schema import Leaf, leaf_values, leaves
+from helmet_sim_ros.schema import Leaf, leaves
 from helmet_sim_ros.yaml_file import parse_yaml
 
 #: Selects the helmet; every other ``helmet.*`` value is one in it.
@@ -39,12 +39,14 @@ class Control:
     Attributes:
         leaf: the value, as the schema describes it.
         kind: ``slider`` (both limits are known), ``menu``, ``switch`` or ``text``.
+        initial: the value of the default setup; of an optional slider what it resolves to.
         choices: of a menu.
         step: of a slider.
     """
 
     leaf: Leaf
     kind: Kind
+    initial: Any
     choices: tuple[str, ...] = ()
     step: float = 0.0
 
@@ -69,7 +71,7 @@ class Control:
     @property
     def hint(self) -> str:
         """What it means, what is allowed, and its name for files and the command line."""
-        unset = f", or {UNSET}" if self.leaf.optional else ""
+        unset = f", or {UNSET}" if self.leaf.optional and self.kind == "text" else ""
         text = f"{self.leaf.description}; {self.leaf.allowed}{unset} ({self.name})"
         return text[:1].upper() + text[1:]
 
@@ -127,12 +129,14 @@ def spelled(unit: str) -> str:
 @lru_cache(maxsize=1)
 def controls() -> tuple[Control, ...]:
     """A control for every value of a setup, in the order of the schema, the helmet's last."""
-    default = ImpactSetup.model_fields["helmet"].default
-    name = Leaf(HELMET, str, default, "", "name in config/helmets, or path to a YAML file")
-    preset = leaf_values(load_helmet(default), "helmet.")
-    own = [leaf for leaf in leaves(Helmet, "helmet.") if leaf.name != _PROSE]
-    helmet = [replace(leaf, default=preset[leaf.name]) for leaf in own]
-    return tuple(map(_control, [*setup_leaves(), name, *helmet]))
+    setup = ImpactSetup()
+    described = setup.described()
+    name = Leaf(HELMET, str, setup.helmet, "", "name in config/helmets, or path to a YAML file")
+    helmet = [leaf for leaf in leaves(Helmet, "helmet.") if leaf.name != _PROSE]
+    return tuple(
+        _control(leaf, described.get(leaf.name, leaf.default))
+        for leaf in [*setup_leaves(), name, *helmet]
+    )
 
 
 def control(name: str) -> Control:
@@ -152,31 +156,33 @@ def values_of(setup: ImpactSetup, changes: Mapping[str, Any]) -> dict[str, Any]:
     described = setup.described()
     values = {c.name: described.get(c.name, c.leaf.default) for c in controls()}
     for c in controls():  # a description holds what such a value resolves to
-        if c.leaf.optional and not c.name.startswith("helmet."):
+        if c.leaf.optional and c.kind != "slider" and not c.name.startswith("helmet."):
             values[c.name] = changes.get(c.name, c.leaf.default)
     return values
 
 
-def _control(leaf: Leaf) -> Control:
+def _control(leaf: Leaf, initial: Any) -> Control:
     choices = leaf.choices or _configured(leaf)
     if choices:
-        return Control(leaf, "menu", choices)
+        return Control(leaf, "menu", initial, choices)
     if leaf.type is bool:
-        return Control(leaf, "switch")
-    if leaf.type in (float, int) and not leaf.optional and _slides(leaf):
+        return Control(leaf, "switch", initial)
+    if leaf.type in (float, int) and initial is not None and _slides(leaf, float(initial)):
         assert leaf.minimum is not None and leaf.maximum is not None
         step = _round_step((leaf.maximum - leaf.minimum) / _STEPS)
-        return Control(leaf, "slider", step=max(1.0, step) if leaf.type is int else step)
-    return Control(leaf, "text")
+        return Control(
+            leaf, "slider", initial, step=max(1.0, step) if leaf.type is int else step
+        )  # fmt: skip
+    return Control(leaf, "text", None if leaf.optional else initial)
 
 
-def _slides(leaf: Leaf) -> bool:
+def _slides(leaf: Leaf, initial: float) -> bool:
     low, high = leaf.minimum, leaf.maximum
     if low is None or high is None:
         return False
     if low > 0.0 and high / low > _WIDEST_RATIO:
         return False
-    share = (float(leaf.default) - low) / (high - low)
+    share = (initial - low) / (high - low)
     return share == 0.0 or share >= _SMALLEST_SHARE
 
 

@@ -45,10 +45,10 @@ CHARTS: tuple[Chart, ...] = (
         ("peak_g", 1.0),
     ),
     Chart(
-        "Force of the ground on the helmet [kN]",
+        "Force on the helmet [kN]",
         (
-            ("normal", lambda r: ground_components(r.ground_force)[0] / 1e3),
-            ("tangential", lambda r: ground_components(r.ground_force)[1] / 1e3),
+            ("normal", lambda r: ground_components(r.ground_force, r.ground_friction)[0] / 1e3),
+            ("tangential", lambda r: ground_components(r.ground_force, r.ground_friction)[1] / 1e3),
         ),
     ),
     Chart(
@@ -102,12 +102,13 @@ def limit_line(limit: float, data: Sequence[FloatArray]) -> FloatArray:
 
 def at_time(record: ImpactRecord, index: int) -> Mapping[str, float]:
     """What the replay says of one sample: time [ms], acceleration [g], forces [kN], rate."""
-    normal, tangential = ground_components(record.ground_force[index : index + 1].repeat(2, axis=0))
+    tangential = record.ground_friction[index]
+    normal = record.ground_force[index] - tangential
     return {
         "time": 1e3 * float(record.time[index]),
         "acceleration": float(np.linalg.norm(record.head_acceleration[index])) / STANDARD_GRAVITY,
-        "normal": float(normal[0]) / 1e3,
-        "tangential": float(tangential[0]) / 1e3,
+        "normal": float(np.linalg.norm(normal)) / 1e3,
+        "tangential": float(np.linalg.norm(tangential)) / 1e3,
         "rate": float(np.linalg.norm(record.head_angular_velocity[index])),
     }
 

@@ -13,7 +13,7 @@ from helmet_sim_ros.errors import PulseError
 from helmet_sim_ros.explore.colors import SIDE_COLORS, css
 from helmet_sim_ros.explore.controls import spelled
 from helmet_sim_ros.explore.session import Session, Shown, Side
-from helmet_sim_ros.report.summary import label, shown
+from helmet_sim_ros.report.review.summary import label, shown
 
 #: What the cards show.
 CARDS = ("peak_g", "hic", "bric", "peak_angular_acceleration", "force_ratio", "peak_compression")

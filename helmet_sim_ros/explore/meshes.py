@@ -41,6 +41,12 @@ def sphere(rows: int = 18, columns: int = 28) -> Mesh:
     return Mesh(vertices, _quads(rows, columns))
 
 
+def ellipsoid(axes: tuple[float, float, float]) -> Mesh:
+    """An ellipsoid with these semi-axes [m]."""
+    unit = sphere()
+    return Mesh(unit.vertices * np.array(axes), unit.faces)
+
+
 def rounded(axes: tuple[float, float, float]) -> Mesh:
     """An ellipsoid with flatter ends, so that a trunk of several reads as one body."""
     unit = sphere()

@@ -22,7 +22,7 @@ from helmet_sim_ros.explore.take import LogPanel, PresetPanel, TakePanel
 from helmet_sim_ros.explore.turn import TurnPanel
 from helmet_sim_ros.explore.widgets import put
 from helmet_sim_ros.model.scene import Scene
-from helmet_sim_ros.report.scenes import scene_of
+from helmet_sim_ros.report.replay.scene import scene_of
 
 _LEFT_WIDTH, _RIGHT_WIDTH, _REPLAY_WIDTH = 330, 430, 380  # px
 _VIEWS = ("rider", "helmet", "from above")
@@ -48,7 +48,7 @@ class Page:
         self._seen = False
         self.session = Session(self._show)
         found, self.problems = collections(files)
-        _dress(server)
+        self._ground = _dress(server)
         self._stages = {side: Stage(server, side) for side in SIDES}
         gui = server.gui
         gui.main_panel.dock_left()
@@ -175,6 +175,8 @@ class Page:
                     self._stages[side].clear()
                 else:
                     self._place(side, shown, scene)
+                floors = [self._stages[each].floor for each in self._impacts]
+                self._ground.position = (0.0, 0.0, min(floors, default=0.0))
                 self._headline.content = markup.headline(self.session, self._impacts)
                 self._charts.show(self._impacts)
                 self._criteria.content = markup.criteria(self._impacts, self.session.differences())
@@ -233,8 +235,8 @@ def _scene(shown: Shown) -> Scene | None:
         return None
 
 
-def _dress(server: viser.ViserServer) -> None:
-    """Colours, ground and lights."""
+def _dress(server: viser.ViserServer) -> viser.GridHandle:
+    """Colours and lights; the ground."""
     gui, scene = server.gui, server.scene
     gui.configure_theme(
         control_width="medium", dark_mode=False, show_logo=False, show_share_button=False,
@@ -245,9 +247,9 @@ def _dress(server: viser.ViserServer) -> None:
     scene.world_axes.visible = False
     scene.configure_environment_map("studio", environment_intensity=0.55)
     scene.configure_default_lights(enabled=True, cast_shadow=True)
-    scene.add_grid(
+    server.initial_camera.fov = float(np.radians(45.0))
+    return scene.add_grid(
         "/ground", plane="xy", infinite_grid=True, cell_size=0.1, section_size=0.5,
         cell_color=(214, 218, 224), section_color=(184, 190, 198), fade_distance=14.0,
         plane_color=(236, 238, 241), plane_opacity=1.0, shadow_opacity=0.35,
     )  # fmt: skip
-    server.initial_camera.fov = float(np.radians(45.0))

@@ -268,6 +268,7 @@ def slot_of(changes: Mapping[str, Any]) -> Slot:
     setup_from_names(changes)
     own = {HELMET: changes[HELMET]} if HELMET in changes else {}
     before = values_of(setup_from_names(own), own)
+    before |= {c.name: None for c in controls() if c.leaf.optional and not _helmet(c.name)}
     kept = own | {name: value for name, value in changes.items() if before.get(name, ...) != value}
     return Slot(kept, setup_from_names(kept))
 

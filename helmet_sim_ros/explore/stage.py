@@ -11,10 +11,12 @@ from scipy.spatial.transform import Rotation
 
 from helmet_sim_ros.biomech.record import FloatArray, ImpactRecord
 from helmet_sim_ros.explore import meshes
-from helmet_sim_ros.explore.colors import crush_colors, rgb, shape_color
+from helmet_sim_ros.explore.colors import SURFACE_COLOR, crush_colors, rgb, shape_color
 from helmet_sim_ros.explore.session import Shown, Side
 from helmet_sim_ros.model.arrows import force_arrows
 from helmet_sim_ros.model.scene import Scene, SceneShape
+from helmet_sim_ros.model.surface.config import SurfaceConfig
+from helmet_sim_ros.model.surface.drawing import Primitive, drawn
 
 #: Body whose shape is drawn as a helmet.
 _HELMET = "helmet"
@@ -24,6 +26,7 @@ BESIDE = 1.3
 _LEAST_CRUSH = 0.02
 #: How far the copy of a crushed helmet hangs above it, and discs lie above a shell [m].
 _COPY_ABOVE, _ABOVE_SHELL = 0.62, 0.003
+_PLATE = (1.5, 1.5)  # m, half edges of a drawn plane
 
 
 class Stage:
@@ -31,6 +34,7 @@ class Stage:
 
     Attributes:
         shown: the impact that is drawn, None before the first.
+        floor: height [m] of the lowest point of what is struck; 0 for flat ground.
     """
 
     def __init__(self, server: viser.ViserServer, side: Side) -> None:
@@ -38,6 +42,8 @@ class Stage:
         self._side = side
         self._frame = self._scene.add_frame(self._root, show_axes=False)
         self._nodes: list[Any] = []
+        self._surface: list[Any] = []
+        self._struck: SurfaceConfig | None = None
         self._looks: list[object] = []
         self._helmet: list[Any] = []
         self._helmet_look: object = None
@@ -47,6 +53,7 @@ class Stage:
         self._arrows: Any = None
         self._model: Scene | None = None
         self.shown: Shown | None = None
+        self.floor = 0.0
 
     def show(
         self, shown: Shown, scene: Scene | None, offset: FloatArray, viewed_from: FloatArray
@@ -64,6 +71,7 @@ class Stage:
             return
         self.shown, self._model = shown, scene
         self._frame.position = tuple(offset)
+        self._show_surface(scene)
         self._show_shapes(scene)
         self._show_helmet(scene)
         self._show_crush(scene, shown.record, viewed_from)
@@ -77,10 +85,11 @@ class Stage:
 
     def clear(self) -> None:
         """Draw nothing."""
-        for node in [*self._nodes, *self._crush, *self._helmet, self._arrows]:
+        for node in [*self._surface, *self._nodes, *self._crush, *self._helmet, self._arrows]:
             if node is not None:
                 node.remove()
         self._remove_copy()
+        self._surface, self._struck, self.floor = [], None, 0.0
         self._nodes, self._looks, self._helmet, self._helmet_look = [], [], [], None
         self._crush = []
         self._arrows = self._model = self.shown = None
@@ -127,27 +136,49 @@ class Stage:
 
     def _added(self, number: int, shape: SceneShape) -> Any:
         mesh = shape_mesh(shape)
-        name = f"{self._root}/shapes/{number}_{shape.name}"
-        if mesh is None:  # of a later version: not seen, but nothing breaks
-            return self._scene.add_frame(name, show_axes=False)
         return self._scene.add_mesh_simple(
-            name, mesh.vertices, mesh.faces, color=shape_color(shape, self._side)
+            f"{self._root}/shapes/{number}_{shape.name}",
+            mesh.vertices,
+            mesh.faces,
+            color=shape_color(shape, self._side),
         )
+
+    def _show_surface(self, scene: Scene) -> None:
+        """What is struck, but for flat ground, which the page draws."""
+        surface = scene.setup.surface_config
+        if surface is self._struck:
+            return
+        for node in self._surface:
+            node.remove()
+        self._surface, self._struck, self.floor = [], surface, 0.0
+        if surface.is_flat_ground:
+            return
+        lowest = []
+        for number, solid in enumerate(drawn(surface)):
+            mesh = solid_mesh(solid)
+            vertices = mesh.vertices @ solid.rotation.T + solid.position
+            lowest.append(float(vertices[:, 2].min()))
+            self._surface.append(
+                self._scene.add_mesh_simple(
+                    f"{self._root}/surface/{number}", vertices, mesh.faces, color=SURFACE_COLOR,
+                    flat_shading=solid.kind == "box",
+                )
+            )  # fmt: skip
+        self.floor = min(lowest)
 
     def _show_helmet(self, scene: Scene) -> None:
         helmet = scene.setup.helmet_config
-        drawn = any(shape.name == _HELMET for shape in scene.shapes)
-        look = (drawn, helmet.shell.semi_axes, helmet.shell.center, helmet.mass)
+        shape = next((shape for shape in scene.shapes if shape.name == _HELMET), None)
+        look = (shape is None, helmet.shell.semi_axes, helmet.shell.center, helmet.mass)
         if look == self._helmet_look:
             return
         for node in [*self._crush, *self._helmet]:
             node.remove()
         self._crush, self._helmet, self._helmet_look = [], [], look
         self._remove_copy()
-        if not drawn:
+        if shape is None:
             return
         mesh = meshes.helmet_mesh(helmet)
-        shape = next(shape for shape in scene.shapes if shape.name == _HELMET)
         frame = self._scene.add_frame(f"{self._root}/helmet", show_axes=False)
         self._scene.add_mesh_simple(
             f"{self._root}/helmet/shell", mesh.shell.vertices, mesh.shell.faces,
@@ -206,21 +237,28 @@ def axes(record: ImpactRecord) -> tuple[FloatArray, FloatArray]:
     return turn.apply([0.0, 0.0, 1.0]), turn.apply([1.0, 0.0, 0.0])
 
 
-def shape_mesh(shape: SceneShape) -> meshes.Mesh | None:
-    """The mesh of a shape; None for a kind that is not known here."""
-    if shape.kind == "ellipsoid" and shape.name != "head":
-        return meshes.rounded(shape.size)
-    if shape.kind in ("ellipsoid", "sphere"):
-        axes = np.array(shape.size)
-        unit = meshes.sphere()
-        return meshes.Mesh(unit.vertices * np.where(axes > 0.0, axes, axes[0]), unit.faces)
+def shape_mesh(shape: SceneShape) -> meshes.Mesh:
+    """The mesh of a part of the rider, along its own axes."""
     if shape.kind == "capsule":
         return meshes.capsule(shape.size[0], shape.size[1])
-    if shape.kind == "box":
-        return meshes.box(shape.size)
-    if shape.kind == "cylinder":
-        return meshes.cylinder(shape.size[0], shape.size[1])
-    return None
+    if shape.name == "head":
+        return meshes.ellipsoid(shape.size)
+    return meshes.rounded(shape.size)
+
+
+def solid_mesh(solid: Primitive) -> meshes.Mesh:
+    """The mesh of a part of a surface, along its own axes; a plane as a plate."""
+    first, second, _ = solid.size
+    if solid.kind == "plane":
+        plate = meshes.box((*_PLATE, 0.01))
+        return meshes.Mesh(plate.vertices - [0.0, 0.0, 0.01], plate.faces)
+    if solid.kind == "sphere":
+        return meshes.ellipsoid((first, first, first))
+    if solid.kind == "capsule":
+        return meshes.capsule(first, second)
+    if solid.kind == "cylinder":
+        return meshes.cylinder(first, second)
+    return meshes.box(solid.size) if solid.kind == "box" else meshes.ellipsoid(solid.size)
 
 
 def crush_of(record: ImpactRecord) -> tuple[FloatArray, FloatArray] | None:

@@ -15,7 +15,7 @@ from helmet_sim_ros.explore.presets import Collection
 from helmet_sim_ros.explore.session import Session, Side
 from helmet_sim_ros.explore.widgets import put
 from helmet_sim_ros.mcap_log import ImpactLog, open_log
-from helmet_sim_ros.report.summary import labels
+from helmet_sim_ros.report.review.summary import labels
 
 #: How long the nodes may take for an impact [s].
 _NODES_TIMEOUT = 60.0

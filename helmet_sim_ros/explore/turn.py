@@ -65,7 +65,7 @@ class TurnPanel:
         return self._folders[group]
 
     def _added(self, each: Control) -> Any:
-        value = each.shown(each.leaf.default)
+        value = each.shown(each.initial)
         widget: Any
         if each.kind == "slider":
             whole = each.leaf.type is int
