@@ -46,11 +46,11 @@ class View:
     def __init__(self, driver, page: Page) -> None:
         self.driver, self.page = driver, page
 
-    def find(self, xpath: str):
+    def find(self, xpath: str, which: int = 0):
         from selenium.webdriver.common.by import By
 
         return until(lambda: [e for e in self.driver.find_elements(By.XPATH, xpath)
-                              if e.is_displayed()])[0]  # fmt: skip
+                              if e.is_displayed()])[which]  # fmt: skip
 
     def shown(self) -> list[tuple[str, str, float]]:
         """Side, digest and peak_g as they stand on the page, read in one go."""
@@ -90,8 +90,8 @@ class View:
         self.find(f"//label[normalize-space(.)='{label}']/following::input[1]").click()
         self.find(f"//*[@role='option'][normalize-space(.)='{option}']").click()
 
-    def click(self, text: str) -> None:
-        self.find(f"//*[normalize-space(text())='{text}']").click()
+    def click(self, text: str, last: bool = False) -> None:
+        self.find(f"//*[normalize-space(text())='{text}']", -1 if last else 0).click()
 
     def text(self, selector: str) -> str:
         return self.driver.execute_script(
@@ -140,7 +140,7 @@ def view(opened):
         opened.page._compare.value = False
     opened.page._load({})
     opened.click("Setup")
-    opened.click("Impact")
+    opened.click("Impact", last=True)  # a folder on the left is called so too
     opened.settle()
     return opened
 
@@ -244,6 +244,17 @@ def test_two_setups_side_by_side(view):
     assert re.split(r"\s+", row)[-6:-3] == [f"{a:.4g}", f"{b:.4g}", f"{100 * (b - a) / a:+.1f}"]
 
 
+def test_what_a_user_has_just_chosen_is_not_overwritten_while_another_change_is_worked_on(view):
+    with view.page._lock:  # as long as a change of another value is worked on
+        view.choose("rig", "headform")
+        until(lambda: view.page._turn.content("impact.rig") == "headform")
+        view.page.session.change("A", "impact.friction", 0.3)
+        view.page._told("impact.friction")
+    until(lambda: view.page.session.slot("A").setup.rig == "headform")
+    assert view.page._turn.content("impact.rig") == "headform"
+    assert view.settle()[1] == peak(rig="headform", friction=0.3)
+
+
 def test_presets_foam_and_its_crush_map(view):
     view.click("Presets")
     view.choose("scenario", "oblique_table1")
@@ -274,7 +285,7 @@ def test_the_replay_follows_its_slider_and_plays(view):
 
 
 def test_texts_to_copy_are_those_of_the_setup(view):
-    view.page._changed("impact.friction", 0.7)
+    view.page._load({"impact.friction": 0.7})
     view.click("Export")
     texts = until(lambda: view.text("[data-copy]"))
     assert "helmet-sim run single -o impact.friction=0.7" in texts

@@ -141,21 +141,21 @@ class Page:
     def _side(self) -> Side:
         return "B" if self._turning.value == "B" and self.session.has("B") else "A"
 
-    def _changed(self, name: str, content: object) -> None:
+    def _changed(self, name: str) -> None:
         with self._lock:
-            self.session.change(self._side(), name, content)
-            self._told(but=name)
+            self.session.change(self._side(), name, self._turn.content(name))
+            self._told(name)
 
     def _load(self, changes: dict[str, object]) -> None:
         with self._lock:
             self.session.load(self._side(), changes)
             self._told()
 
-    def _told(self, but: str = "") -> None:
-        """Write the setup as it is now; ``but`` is the control that the user is at."""
+    def _told(self, turned: str = "") -> None:
+        """Write the setup as it is now: after one control was turned, or all of it."""
         with self._lock, self._server.atomic():
             self._problem.content = markup.STYLE + markup.problem(self.session.refusal)
-            self._turn.set(self.session.slot(self._side()).values(), but)
+            self._turn.set(self.session.slot(self._side()).values(), turned, whole=not turned)
             self._take.show()
 
     def _show(self, side: Side, shown: Shown | None) -> None:

@@ -13,7 +13,7 @@ from helmet_sim_ros.explore.controls import Control, control, controls
 #: Groups that are open from the start.
 _OPEN = ("impact",)
 
-Changed = Callable[[str, Any], None]
+Changed = Callable[[str], None]
 
 
 class TurnPanel:
@@ -21,12 +21,13 @@ class TurnPanel:
 
     Args:
         server: where the widgets go, inside the present container.
-        changed: called with dotted name and content when the user turns one.
+        changed: called with the dotted name when the user turns one; :meth:`content` tells more.
     """
 
     def __init__(self, server: viser.ViserServer, changed: Changed) -> None:
         self._gui, self._changed = server.gui, changed
         self._widgets: dict[str, Any] = {}
+        self._told: dict[str, Any] = {}
         self._setting = False
         self._folders: dict[tuple[str, ...], viser.GuiFolderHandle] = {}
         for each in controls():
@@ -34,24 +35,39 @@ class TurnPanel:
                 stack.enter_context(self._folder(each.group))
                 self._widgets[each.name] = self._added(each)
 
-    def set(self, values: dict[str, Any], but: str = "") -> None:
-        """Show these values without reporting them back; ``but`` is what the user is turning."""
+    def content(self, name: str) -> Any:
+        """What a widget holds now; events of a fast hand may overtake one another."""
+        return self._widgets[name].value
+
+    def set(self, values: dict[str, Any], but: str = "", whole: bool = False) -> None:
+        """Show values without reporting them back.
+
+        A widget is left alone while its value stays what it was told last: the user may be at it,
+        and what he has just done may still wait to be heard.
+
+        Args:
+            values: of every control.
+            but: what the user has turned.
+            whole: write every widget, also over a text that was refused.
+        """
         self._setting = True
         try:
             for name, value in values.items():
-                widget = self._widgets.get(name)
-                if widget is None or name == but:
-                    continue
-                known = control(name)
-                content = known.shown(value)
-                if known.kind == "menu" and content not in widget.options:
-                    widget.options = (*widget.options, content)
-                if known.kind == "slider":
-                    widget.precision = max(_digits(known.step), _digits(content))
-                if widget.value != content:
-                    widget.value = content
+                content = control(name).shown(value)
+                if name != but and (whole or self._told.get(name) != content):
+                    self._put(name, content)
+                self._told[name] = content
         finally:
             self._setting = False
+
+    def _put(self, name: str, content: Any) -> None:
+        widget, known = self._widgets[name], control(name)
+        if known.kind == "menu" and content not in widget.options:
+            widget.options = (*widget.options, content)
+        if known.kind == "slider":
+            widget.precision = max(_digits(known.step), _digits(content))
+        if widget.value != content:
+            widget.value = content
 
     def _folder(self, group: tuple[str, ...]) -> viser.GuiFolderHandle:
         if group not in self._folders:
@@ -87,8 +103,7 @@ class TurnPanel:
 
         def turned(event: viser.GuiEvent[Any]) -> None:
             if not self._setting and event.client_id is not None:
-                # The value of now: events of a fast hand may overtake one another.
-                self._changed(each.name, widget.value)
+                self._changed(each.name)
 
         widget.on_update(turned)
         return widget
