@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 from pathlib import Path
 
-from helmet_sim_ros.errors import SetupError
+from helmet_sim_ros.errors import SetupError, did_you_mean
 
 PACKAGE = "helmet_sim_ros"
 
@@ -42,6 +42,7 @@ def find_config(kind: str, name_or_path: str, key: str, suffix: str = ".yaml") -
     folder = share_directory() / "config" / kind
     path = folder / f"{name_or_path}{suffix}"
     if not path.is_file():
-        known = ", ".join(sorted(p.stem for p in folder.glob(f"*{suffix}")))
-        raise SetupError.of(key, name_or_path, f"must be one of {known}, or a path to a {suffix}")
+        known = sorted(p.stem for p in folder.glob(f"*{suffix}"))
+        allowed = f"must be one of {', '.join(known)}, or a path to a {suffix}"
+        raise SetupError.of(key, name_or_path, allowed + did_you_mean(name_or_path, known))
     return path

@@ -16,13 +16,14 @@ from helmet_sim_ros.biomech.pulse import magnitude
 from helmet_sim_ros.biomech.record import same_samples
 from helmet_sim_ros.errors import SetupError
 from helmet_sim_ros.explore import export, meshes
-from helmet_sim_ros.explore.controls import HELMET, control, controls, spelled
+from helmet_sim_ros.explore.controls import HELMET, control, controls
 from helmet_sim_ros.explore.curves import CHARTS, at_time, chart_data, limit_line, limit_of
 from helmet_sim_ros.explore.latest import LatestWins, Stale
 from helmet_sim_ros.explore.presets import collections
 from helmet_sim_ros.explore.session import Session, digest, logged_slot, slot_of
 from helmet_sim_ros.model.helmet import Helmet, load_helmet
 from helmet_sim_ros.model.setup import setup_from_names, setup_leaves
+from helmet_sim_ros.present.words import unit_text
 from helmet_sim_ros.schema import leaves
 from helmet_sim_ros.study import load_scenario
 from helmet_sim_ros.study.scenario.overrides import parse_overrides
@@ -64,7 +65,7 @@ def test_controls_say_unit_range_and_meaning_of_the_schema():
         assert each.leaf.description.lower()[:20] in each.hint.lower()
         assert each.leaf.allowed in each.hint and each.name in each.hint
         if each.leaf.unit not in ("", "-"):
-            assert each.label.endswith(f"[{spelled(each.leaf.unit)}]")
+            assert each.label.endswith(f"[{unit_text(each.leaf.unit)}]")
         if each.kind == "slider":
             assert each.leaf.minimum <= each.minimum < each.maximum == each.leaf.maximum
             assert each.minimum <= each.initial <= each.maximum

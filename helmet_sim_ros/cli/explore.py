@@ -12,7 +12,7 @@ import click
 from rich.console import Console
 
 from helmet_sim_ros.cli._processes import termination_as_interrupt
-from helmet_sim_ros.errors import HelmetSimError
+from helmet_sim_ros.present.extra import need
 
 #: Asked for where no port is given.
 DEFAULT_PORT = 8123
@@ -29,13 +29,8 @@ def command(files: tuple[str, ...], port: int, no_browser: bool) -> None:
     FILE: scenario files, whose cases become presets, and logs (.mcap), whose impacts can be
     stepped through; the first log is opened. Until Ctrl-C.
     """
-    try:
-        import viser  # noqa: F401
-    except ImportError as error:
-        raise HelmetSimError(
-            f"{error.name} is not installed; the explorer's extra brings it: "
-            "pip install 'helmet_sim_ros[explore]', or in the source tree '.[explore]'"
-        ) from error
+    need("viser", "explore")
+    need("markupsafe", "explore")
     from helmet_sim_ros.explore.page import Page
     from helmet_sim_ros.explore.server import address, start_server
 

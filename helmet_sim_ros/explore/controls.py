@@ -13,6 +13,7 @@ import yaml
 from helmet_sim_ros.errors import SetupError
 from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.setup import ImpactSetup, setup_leaves
+from helmet_sim_ros.present.words import unit_text
 from helmet_sim_ros.resources import share_directory
 from helmet_sim_ros.schema import Leaf, leaves
 from helmet_sim_ros.yaml_file import parse_yaml
@@ -66,7 +67,7 @@ class Control:
         words = self.name.split(".")[-1].replace("_", " ")
         if self.leaf.unit == "deg":
             words = words.removesuffix(" deg")
-        return words if self.leaf.unit in ("", "-") else f"{words} [{spelled(self.leaf.unit)}]"
+        return words if self.leaf.unit in ("", "-") else f"{words} [{unit_text(self.leaf.unit)}]"
 
     @property
     def hint(self) -> str:
@@ -119,11 +120,6 @@ class Control:
         except yaml.YAMLError:
             raise SetupError.of(self.name, content, self.leaf.allowed) from None
         return tuple(value) if isinstance(value, list) else value
-
-
-def spelled(unit: str) -> str:
-    """``kg/m³`` for ``kg/m^3``."""
-    return unit.replace("^2", "²").replace("^3", "³").replace(" ", "·")
 
 
 @lru_cache(maxsize=1)

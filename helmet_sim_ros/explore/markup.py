@@ -11,8 +11,8 @@ from helmet_sim_ros.biomech.evaluation import SPOKEN
 from helmet_sim_ros.biomech.result import Criterion, Evaluation
 from helmet_sim_ros.errors import PulseError
 from helmet_sim_ros.explore.colors import SIDE_COLORS, css
-from helmet_sim_ros.explore.controls import spelled
 from helmet_sim_ros.explore.session import Session, Shown, Side
+from helmet_sim_ros.present.words import unit_text
 from helmet_sim_ros.report.review.summary import label, shown
 
 #: What the cards show.
@@ -229,7 +229,7 @@ def _scaled(value: float, unit: str) -> str:
 
 
 def _unit(unit: str) -> str:
-    return spelled(unit) if unit != "-" else ""
+    return unit_text(unit) if unit != "-" else ""
 
 
 def _limit(evaluation: Evaluation, name: str) -> float | None:
