@@ -28,7 +28,7 @@ from helmet_sim_ros.schema import leaves
 from helmet_sim_ros.study import load_scenario
 from helmet_sim_ros.study.scenario.overrides import parse_overrides
 
-PATIENCE = 60.0
+PATIENCE = 200.0
 SPEED = "impact.normal_velocity"
 
 
@@ -313,7 +313,7 @@ SETUPS = [
     {SPEED: 7.5, "impact.direction": "front", "sim.time_step": 2e-5},
     {HELMET: "bicycle", "helmet.coupling": "foam", "helmet.liner.front.density": 90.0},
     {"helmet.shell.semi_axes": (0.16, 0.13, 0.14), "impact.neck_flexion_deg": -3.0},
-    {"impact.rig": "headform", "rider.neck.damping": 2.5},
+    {"impact.rig": "headform", "rider.posture.elbow_flexion_deg": 45.0},
 ]
 
 

@@ -197,7 +197,7 @@ def test_compare_knows_a_criterion_that_is_nearly_meant(record):
         ({"overrides": {"impact.frction": 0.1}}, "impact.friction"),
         ({"overrides": {"helmet.liner.densty": 60.0}}, "liner.density"),
         ({"overrides": {"helmet.coupling": "foan"}}, "foam"),
-        ({"overrides": {"rider.neck.dampin": 1.0}}, "neck.damping"),
+        ({"overrides": {"rider.posture.elbow_flexion": 1.0}}, "posture.elbow_flexion_deg"),
     ],
 )
 def test_a_refused_name_is_met_with_the_nearest_known_one(arguments, meant):

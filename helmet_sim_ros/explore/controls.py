@@ -152,7 +152,7 @@ def values_of(setup: ImpactSetup, changes: Mapping[str, Any]) -> dict[str, Any]:
     described = setup.described()
     values = {c.name: described.get(c.name, c.leaf.default) for c in controls()}
     for c in controls():  # a description holds what such a value resolves to
-        if c.leaf.optional and c.kind != "slider" and not c.name.startswith("helmet."):
+        if c.leaf.optional and c.kind == "text" and not c.name.startswith("helmet."):
             values[c.name] = changes.get(c.name, c.leaf.default)
     return values
 
@@ -192,5 +192,8 @@ def _configured(leaf: Leaf) -> tuple[str, ...]:
     if leaf.type is not str:
         return ()
     *_, group, last = leaf.name.split(".")
-    folder = share_directory() / "config" / f"{group if last == 'name' else last}s"
-    return tuple(sorted(path.stem for path in folder.glob("*.yaml")))
+    config = share_directory() / "config"
+    for folder in (f"{group}_{last}s", f"{group if last == 'name' else last}s"):
+        if (config / folder).is_dir():
+            return tuple(sorted(path.stem for path in (config / folder).glob("*.yaml")))
+    return ()
