@@ -24,8 +24,9 @@ _HELMET = "helmet"
 BESIDE = 1.3
 #: Crush below this share of the largest is not drawn.
 _LEAST_CRUSH = 0.02
-#: How far the copy of a crushed helmet hangs above it, and discs lie above a shell [m].
-_COPY_ABOVE, _ABOVE_SHELL = 0.62, 0.003
+#: How far the copy of a crushed helmet hangs above it, and from it towards the feet; how far discs
+#: lie above a shell [m].
+_COPY_ABOVE, _COPY_BACK, _ABOVE_SHELL = 0.62, 0.3, 0.003
 _PLATE = (1.5, 1.5)  # m, half edges of a drawn plane
 
 
@@ -203,7 +204,8 @@ class Stage:
         residual, position = found
         turn, _ = Rotation.align_vectors([viewed_from], [residual @ position])
         copy = self._copy or self._added_copy(scene)
-        copy.position = record.helmet_position[0] + [0.0, 0.0, _COPY_ABOVE]
+        upwards, _ = axes(record)
+        copy.position = record.helmet_position[0] + [0.0, 0.0, _COPY_ABOVE] - _COPY_BACK * upwards
         copy.wxyz = _wxyz(turn)
         worst = 1e3 * float(residual.max())
         self._label.text = f"{self._side}: crushed by {worst:.1f} mm"
