@@ -187,9 +187,9 @@ class Page:
                     self._replay.to_peak()
 
     def _place(self, side: Side, shown: Shown, scene: Scene | None) -> None:
-        sideways = self._sideways()
-        if side == "B":
-            self._offset["B"] = BESIDE * sideways
+        sideways = self._sideways()  # across A: B moves along with it
+        self._offset["B"] = BESIDE * sideways
+        self._stages["B"].move(self._offset["B"])
         self._stages[side].show(shown, scene, self._offset[side], -sideways)
 
     def _draw(self, seconds: float) -> None:

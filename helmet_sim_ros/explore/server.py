@@ -22,6 +22,11 @@ class LocalServer(viser.ViserServer):
         """Refused: the page is for this host."""
         return None
 
+    def stop(self) -> None:
+        """End it, without viser's line about that."""
+        with redirect_stdout(io.StringIO()):
+            super().stop()
+
 
 def free_port(wanted: int) -> int:
     """The first port from ``wanted`` on that nobody listens at.

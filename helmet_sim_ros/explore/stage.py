@@ -71,7 +71,7 @@ class Stage:
             self.clear()
             return
         self.shown, self._model = shown, scene
-        self._frame.position = tuple(offset)
+        self.move(offset)
         self._show_surface(scene)
         self._show_shapes(scene)
         self._show_helmet(scene)
@@ -83,6 +83,10 @@ class Stage:
                 f"{self._root}/forces", points, colors,
                 shaft_radius=0.012, head_radius=0.028, head_length=0.06,
             )  # fmt: skip
+
+    def move(self, offset: FloatArray) -> None:
+        """Put the whole side elsewhere, (3,) [m]."""
+        self._frame.position = offset
 
     def clear(self) -> None:
         """Draw nothing."""
