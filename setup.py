@@ -36,15 +36,23 @@ REPORT = [
     "pyarrow>=15",
 ]
 
+#: The explorer in the browser.
+EXPLORE = [
+    "markupsafe",
+    "viser>=1.1",
+]
+
 EXTRAS = {
     # ROS 2 Jazzy from wheels. Left out beside a system ROS, so that nothing of it is shadowed.
     "ros": [
         f"ros-rclpy[fastrtps]==7.1.6; {WHEELS}",
         f"ros-jazzy-common-interfaces==5.3.6; {WHEELS}",
     ],
+    "explore": EXPLORE,
     "report": REPORT,
     "study": STUDY,
     "test": [
+        *EXPLORE,
         *REPORT,
         *STUDY,
         "colcon-common-extensions",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 
@@ -44,6 +44,17 @@ class Problem(NamedTuple):
         if len(key) > 400:  # the end of a dotted name says most
             key = f"{key[:200]}...{key[-190:]}"
         return f"{key} = {shown}: {self.allowed}"
+
+
+def did_you_mean(word: object, known: Iterable[str]) -> str:
+    """``"; did you mean 'front'?"`` for the known name most like a word; empty if none is."""
+    import difflib
+
+    if not isinstance(word, str):
+        return ""
+    names = {name.lower(): name for name in known}
+    near = difflib.get_close_matches(word.lower(), names, 1, 0.6)
+    return f"; did you mean {names[near[0]]!r}?" if near else ""
 
 
 class SetupError(HelmetSimError, ValueError):
