@@ -32,7 +32,7 @@ from helmet_sim_ros.model.force.bodies import (
     add_generalised,
     clear,
 )
-from helmet_sim_ros.model.surface.shapes import Surface
+from helmet_sim_ros.model.surface.compiled import Surface
 
 
 def _link_mujoco() -> None:

@@ -13,7 +13,7 @@ from helmet_sim_ros.model.force import contact as contacts
 from helmet_sim_ros.model.force.bodies import motion_of
 from helmet_sim_ros.model.force.contact import Contact
 from helmet_sim_ros.model.setup import ImpactSetup
-from helmet_sim_ros.model.surface.shapes import Surface
+from helmet_sim_ros.model.surface.compiled import Surface
 
 LIFTS = 100  # steps along the target's normal until nothing overlaps
 OVERLAP = 1e-9  # m, that is left

@@ -24,7 +24,7 @@ from helmet_sim_ros.model.placement import place
 from helmet_sim_ros.model.setup import ImpactSetup, Rider
 from helmet_sim_ros.model.surface.config import SurfaceConfig
 from helmet_sim_ros.model.surface.drawing import add_geoms
-from helmet_sim_ros.model.surface.shapes import Surface
+from helmet_sim_ros.model.surface.compiled import Surface
 
 MAX_STEP = 5e-5  # s, largest integration step: peaks within 1 % (test_model_impact)
 MIN_STEP = 2e-6  # s; a shell so light or stiff that it needs less may diverge, and says so
@@ -33,6 +33,7 @@ BODY_MARGIN = 1.3  # energy the body feeds into the spring, over that of head an
 OF_THE_SURFACE = -1.0  # friction of the shell: whatever it strikes has its own
 ARENA = 1 << 20  # bytes of working memory per simulation
 HELMET_COLOR = (0.20, 0.36, 0.62, 0.9)
+GROUND_COLOR = (0.55, 0.55, 0.55, 1.0)
 
 
 @dataclass(frozen=True)
@@ -102,7 +103,7 @@ def _parts(
     surface: SurfaceConfig,
 ) -> Parts:  # fmt: skip
     spec = _empty_world(gravity, step)
-    add_geoms(spec, surface)
+    add_geoms(spec, surface, GROUND_COLOR)
     body = anthropometry(rider)
     if rig == "rider":
         head = add_body(spec, rider, body, math.radians(neck_flexion_deg))

@@ -41,14 +41,9 @@ from helmet_sim_ros.model.force.vector import (
     scaled,
     turned,
 )
-from helmet_sim_ros.model.surface.deepest import deepest_in_half_space, deepest_point
-from helmet_sim_ros.model.surface.shapes import (
-    HALF_SPACE,
-    Shape,
-    Surface,
-    shape_of,
-    signed_distance,
-)
+from helmet_sim_ros.model.surface.compiled import Surface
+from helmet_sim_ros.model.surface.deepest import deepest_point
+from helmet_sim_ros.model.surface.shapes import signed_distance
 
 
 class Contact(NamedTuple):
@@ -87,35 +82,33 @@ class Contact(NamedTuple):
 
 
 @inlined
-def distance_of(contact: Contact, shape: Shape, motion: Motion, i: int) -> float:
-    """Distance of an ellipsoid's centre from a shape [m]."""
+def center_of(contact: Contact, motion: Motion, i: int) -> Vec:
+    """Centre of an ellipsoid, world axes [m]."""
     body = contact.body[i]
-    x, y, z = add(
+    return add(
         row(motion.position, body), turned(matrix(motion.rotation, body), row(contact.center, i))
     )
-    if shape.kind == HALF_SPACE:
-        p, r = shape.position, shape.rotation
-        return r[2] * (x - p[0]) + r[5] * (y - p[1]) + r[8] * (z - p[2])
-    return signed_distance(shape, x, y, z)[0]
+
+
+@inlined
+def distance_of(contact: Contact, surface: Surface, k: int, motion: Motion, i: int) -> float:
+    """Distance of an ellipsoid's centre from shape k of the surface [m]."""
+    x, y, z = center_of(contact, motion, i)
+    return signed_distance(surface, k, x, y, z)[0]
 
 
 @inlined
 def touch(
-    contact: Contact, shape: Shape, motion: Motion, i: int, guess: FloatArray
+    contact: Contact, surface: Surface, k: int, motion: Motion, i: int
 ) -> tuple[float, Vec, Vec]:
-    """How deep an ellipsoid lies in a shape [m] (0 or less: no contact), its deepest point, and
-    the shape's outward normal there, world axes; ``guess`` as for :func:`deepest_point`."""
-    body = contact.body[i]
-    cx, cy, cz = add(
-        row(motion.position, body), turned(matrix(motion.rotation, body), row(contact.center, i))
-    )
+    """How deep ellipsoid i lies in shape k of the surface [m] (0 or less: no contact), its deepest
+    point, and the shape's outward normal there, world axes."""
+    cx, cy, cz = center_of(contact, motion, i)
     ax, ay, az = row(contact.semi_axes, i)
-    rotation = motion.rotation[body]
-    if shape.kind == HALF_SPACE:  # without a call, which costs more than this
-        found = deepest_in_half_space(shape, cx, cy, cz, rotation, ax, ay, az, guess)
-    else:
-        found = deepest_point(shape, cx, cy, cz, rotation, ax, ay, az, guess)
-    depth, px, py, pz, nx, ny, nz = found
+    depth, px, py, pz, nx, ny, nz = deepest_point(
+        surface, k, cx, cy, cz, motion.rotation[contact.body[i]], ax, ay, az,
+        contact.direction[i, k],
+    )  # fmt: skip
     return depth, (px, py, pz), (nx, ny, nz)
 
 
@@ -124,10 +117,9 @@ def deepest(contact: Contact, surface: Surface, motion: Motion) -> tuple[int, in
     """Ellipsoid and shape that overlap most, and how deep [m]; -1, -1, 0: none overlap."""
     which, where, most = -1, -1, 0.0
     for k in range(len(surface.kind)):
-        shape = shape_of(surface, k)
         for i in range(len(contact.body)):
-            if distance_of(contact, shape, motion, i) < contact.reach[i]:
-                depth = touch(contact, shape, motion, i, contact.direction[i, k])[0]
+            if distance_of(contact, surface, k, motion, i) < contact.reach[i]:
+                depth = touch(contact, surface, k, motion, i)[0]
                 if depth > most:
                     which, where, most = i, k, depth
     return which, where, most
@@ -138,10 +130,9 @@ def elastic_energy(contact: Contact, surface: Surface, motion: Motion) -> float:
     """Energy of the normal forces' stiffness [J]."""
     energy = 0.0
     for k in range(len(surface.kind)):
-        shape = shape_of(surface, k)
         for i in range(len(contact.body)):
-            if distance_of(contact, shape, motion, i) < contact.reach[i]:
-                depth = touch(contact, shape, motion, i, contact.direction[i, k])[0]
+            if distance_of(contact, surface, k, motion, i) < contact.reach[i]:
+                depth = touch(contact, surface, k, motion, i)[0]
                 energy += 0.5 * contact.stiffness[i] * max(0.0, depth) ** 2
     return energy
 
@@ -158,28 +149,27 @@ def apply(contact: Contact, surface: Surface, step: float, motion: Motion, loads
     """
     reach, stick = contact.reach, contact.stick
     for k in range(len(surface.kind)):
-        shape = shape_of(surface, k)
         for i in range(len(reach)):
-            if distance_of(contact, shape, motion, i) < reach[i]:
-                press(contact, shape, motion, loads, i, k, step)
+            if distance_of(contact, surface, k, motion, i) < reach[i]:
+                press(contact, surface, k, motion, loads, i, step)
             else:  # out of reach in any orientation
                 stick[i, k, 0] = stick[i, k, 1] = stick[i, k, 2] = 0.0
 
 
 @inlined
 def press(
-    contact: Contact, shape: Shape, motion: Motion, loads: Loads, i: int, k: int, step: float
+    contact: Contact, surface: Surface, k: int, motion: Motion, loads: Loads, i: int, step: float
 ) -> None:
     """Add the force of shape k on ellipsoid i."""
     stick = contact.stick[i, k]
-    depth, point, normal = touch(contact, shape, motion, i, contact.direction[i, k])
+    depth, point, normal = touch(contact, surface, k, motion, i)
     if depth <= 0.0:
         stick[:] = 0.0
         return
     body, stiffness = contact.body[i], contact.stiffness[i]
     velocity = velocity_at(rigid(motion, body), point)
     pressed = normal_force(stiffness, contact.damping[i], depth, -dot(velocity, normal))
-    mu = contact.friction[i] if contact.friction[i] >= 0.0 else shape.friction
+    mu = contact.friction[i] if contact.friction[i] >= 0.0 else surface.friction[k]
     friction = friction_force(
         TANGENTIAL_SHARE * stiffness, RELAXATION, mu * pressed, across(velocity, normal), normal,
         step, stick,

@@ -47,13 +47,9 @@ from helmet_sim_ros.model.force.vector import (
     turned_back,
 )
 from helmet_sim_ros.model.helmet import Shell
+from helmet_sim_ros.model.surface.compiled import HALF_SPACE, Surface
 from helmet_sim_ros.model.surface.deepest import deepest_point
-from helmet_sim_ros.model.surface.shapes import (
-    HALF_SPACE,
-    Surface,
-    shape_of,
-    signed_distance,
-)
+from helmet_sim_ros.model.surface.shapes import nearest, signed_distance
 
 POISSON = 0.1  # EPS (general literature value): G = E / (2 (1 + nu))
 
@@ -119,10 +115,16 @@ def crushing_liner(
     )  # fmt: skip
 
 
+@inlined
+def is_flat(surface: Surface) -> bool:
+    """Whether the surface is one plane."""
+    return len(surface.kind) == 1 and surface.kind[0] == HALF_SPACE
+
+
 @compiled
 def moved(near: Near, surface: Surface, position: FloatArray, rotation: FloatArray) -> float:
     """An upper bound of how much closer to the surface any column has come since the listing [m]."""
-    if len(surface.kind) == 1 and surface.kind[0] == HALF_SPACE:  # only along its normal
+    if is_flat(surface):  # only along its normal
         axes = surface.rotation[0]
         normal = (axes[2], axes[5], axes[8])
         turn, travel = 0.0, 0.0
@@ -156,11 +158,9 @@ def find_near(liner: CrushingLiner, surface: Surface, motion: Motion) -> None:
     listed, distances = near.index, near.distance
     distances[:] = np.inf
     for k in range(len(surface.kind)):
-        shape = shape_of(surface, k)
-        if shape.kind == HALF_SPACE:  # its height is linear in the helmet's own axes
-            r = shape.rotation
-            normal = (r[2], r[5], r[8])
-            height = dot(normal, sub(helmet.position, shape.position))
+        if surface.kind[k] == HALF_SPACE:  # its height is linear in the helmet's own axes
+            normal = (surface.rotation[k, 2], surface.rotation[k, 5], surface.rotation[k, 8])
+            height = dot(normal, sub(helmet.position, row(surface.position, k)))
             nx, ny, nz = turned_back(helmet.rotation, normal)
             for i in range(len(radii)):
                 above = height + nx * points[i, 0] + ny * points[i, 1] + nz * points[i, 2]
@@ -168,7 +168,7 @@ def find_near(liner: CrushingLiner, surface: Surface, motion: Motion) -> None:
             continue
         for i in range(len(radii)):
             x, y, z = world_point(helmet, row(points, i))
-            distances[i] = min(distances[i], signed_distance(shape, x, y, z)[0])
+            distances[i] = min(distances[i], signed_distance(surface, k, x, y, z)[0])
     count = 0
     for i in range(len(radii)):
         if distances[i] <= radii[i] + MARGIN:
@@ -194,22 +194,21 @@ def apply(
     find_near(liner, surface, motion)
     points, normals, areas, thicknesses, radii, foams = liner.columns
     listed, largest, rest, sticks = liner.near.index, liner.largest, liner.rest, liner.stick
-    first = shape_of(surface, 0)
     helmet = rigid(motion, liner.helmet)
+    flat = is_flat(surface)  # one plane, taken out of its arrays once
+    up = (surface.rotation[0, 2], surface.rotation[0, 5], surface.rotation[0, 8])
+    base = row(surface.position, 0)
     force, moment, friction = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for n in range(listed[-1]):
         i = listed[n]
         radius, stick = radii[i], sticks[i]
         point = world_point(helmet, row(points, i))
-        distance, nx, ny, nz, curvature = signed_distance(first, point[0], point[1], point[2])
-        mu = first.friction
-        for k in range(1, len(surface.kind)):
-            other = shape_of(surface, k)
-            found = signed_distance(other, point[0], point[1], point[2])
-            if found[0] < distance:
-                distance, nx, ny, nz, curvature = found
-                mu = other.friction
-        normal = (nx, ny, nz)
+        if flat:
+            shape, normal, curvature = 0, up, 0.0
+            distance = dot(up, sub(point, base))
+        else:
+            shape, distance, nx, ny, nz, curvature = nearest(surface, point[0], point[1], point[2])
+            normal = (nx, ny, nz)
         cosine = -dot(normal, turned(helmet.rotation, row(normals, i)))
         sagitta = min(0.125 * radius * radius * curvature, SAGITTA * radius)
         share, low, high = part_below(-distance - sagitta, radius, cosine)
@@ -228,7 +227,8 @@ def apply(
         touch = add(point, scaled(normal, -distance))
         slip = across(velocity_at(helmet, touch), normal)
         shear = foam[MODULUS] / (2.0 * (1.0 + POISSON)) * area / thickness
-        rubbed = friction_force(shear, RELAXATION, mu * stress * area, slip, normal, step, stick)
+        limit = surface.friction[shape] * stress * area
+        rubbed = friction_force(shear, RELAXATION, limit, slip, normal, step, stick)
         pushed = add(scaled(normal, stress * area), rubbed)
         force, friction = add(force, pushed), add(friction, rubbed)
         moment = add(moment, cross(touch, pushed))
@@ -295,7 +295,7 @@ def crush(liner: CrushingLiner, surface: Surface, motion: Motion, deepest: Float
     deepest[:] = 0.0
     for k in range(len(surface.kind)):
         depth, _, _, _, nx, ny, nz = deepest_point(
-            shape_of(surface, k), cx, cy, cz, motion.rotation[liner.helmet], ax, ay, az,
+            surface, k, cx, cy, cz, motion.rotation[liner.helmet], ax, ay, az,
             liner.direction[k],
         )  # fmt: skip
         if depth > most:

@@ -1,28 +1,157 @@
+"""Surface configuration: shapes and the point where the helmet meets them; ``config/surfaces``."""
+
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Mapping
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
 
-from helmet_sim_ros.model.surface.shapes import HALF_SPACE, Surface
-from helmet_sim_ros.schema import Config
+import numpy as np
+from pydantic import Field, model_validator
+
+from helmet_sim_ros.biomech.record import FloatArray
+from helmet_sim_ros.errors import Problem, SetupError
+from helmet_sim_ros.model.surface.compiled import Surface
+from helmet_sim_ros.model.surface.parts import KINDS, HalfSpace, Part, Target, part_of
+from helmet_sim_ros.resources import find_config
+from helmet_sim_ros.schema import Config, quantity
+from helmet_sim_ros.yaml_file import read_yaml
+
+ON_SURFACE = 1e-6  # m, how far from the surface a target may be
+PROBE = 1e-3  # m, along a normal; the distance grows as much, and only along a normal
+SLACK = 1e-6  # of that growth; the normal may be off by 0.08 deg
 
 
 class SurfaceConfig(Config):
-    friction: float = 0.4
+    """What helmet and body strike: rigid shapes, and the point that the helmet meets first."""
 
-    def compiled(self, friction=None):
-        mu = 0.4 if friction is None else friction
-        return Surface(
-            np.array([HALF_SPACE]),
-            np.zeros((1, 3)),
-            np.eye(3).reshape(1, 9),
-            np.zeros((1, 6)),
-            np.array([mu]),
-        )
+    description: str = Field("", description="what it represents")
+    source: str = Field("", description="where its numbers come from")
+    verified: bool = Field(False, description="whether the primary source was read")
+    friction: float = quantity("of a helmet shell on the surface", "-", 0.4, ge=0.0, le=2.0)
+    shapes: tuple[Part, ...] = Field(description="convex shapes, see model/surface/parts.py")
+    target: Target = Field(default_factory=Target)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _shapes_by_kind(cls, data: Any) -> Any:
+        if not isinstance(data, Mapping) or not isinstance(data.get("shapes"), list | tuple):
+            return data
+        parts: list[Part] = []
+        problems: list[Problem] = []
+        for index, item in enumerate(data["shapes"]):
+            try:
+                parts.append(part_of(item, f"shapes[{index}]"))
+            except SetupError as error:
+                problems += error.problems
+        if problems:
+            raise SetupError(problems)
+        return {**data, "shapes": tuple(parts)}
+
+    @model_validator(mode="after")
+    def _target_on_surface(self) -> SurfaceConfig:
+        if not self.shapes:
+            raise SetupError.of("shapes", [], "must hold at least one shape")
+        if self.is_flat_ground and self.target.point == (0.0, 0.0, 0.0) and self.target.is_level:
+            return self  # and the compiler need not be loaded
+        from helmet_sim_ros.model.surface.shapes import signed_distance
+
+        surface, target = self.compiled(), self.target
+        point, normal = np.array(target.point), target.unit_normal
+        distance = [signed_distance(surface, i, *point)[0] for i in range(len(self.shapes))]
+        touched = [i for i, d in enumerate(distance) if abs(d) <= ON_SURFACE]
+        nearest = int(np.argmin(np.abs(distance)))
+        if not touched:
+            raise SetupError.of(
+                "target.point", target.point,
+                f"must lie on the surface within {ON_SURFACE:g} m; it is "
+                f"{abs(distance[nearest]):.3g} m {'inside' if distance[nearest] < 0 else 'off'} "
+                f"{self._named(nearest)}",
+            )  # fmt: skip
+        deepest = int(np.argmin(distance))
+        if distance[deepest] < -ON_SURFACE:
+            raise SetupError.of(
+                "target.point", target.point,
+                f"must not lie inside a shape; it is on {self._named(touched[0])} and "
+                f"{-distance[deepest]:.3g} m inside {self._named(deepest)}, which overlaps it",
+            )  # fmt: skip
+        beside = point + PROBE * normal
+        if not any(
+            signed_distance(surface, i, *beside)[0] - distance[i] >= PROBE * (1.0 - SLACK)
+            for i in touched
+        ):
+            there = signed_distance(surface, touched[0], *(point + 1e-9 * normal))[1:4]
+            raise SetupError.of(
+                "target.normal", tuple(round(float(v), 6) for v in normal),
+                f"must be an outward normal of {self._named(touched[0])} at the target, "
+                f"e.g. {[round(v, 6) for v in there]}",
+            )  # fmt: skip
+        return self
+
+    def compiled(self, friction: float | None = None) -> Surface:
+        """The shapes for compiled code, shared by all that ask: not to be changed.
+
+        Args:
+            friction: of the shell on every shape [-]; ``None``: what the file says.
+        """
+        return compile_parts(self.shapes, self.friction, friction)
 
     @property
-    def frame(self):
-        return np.zeros(3), np.eye(3)
+    def frame(self) -> tuple[FloatArray, FloatArray]:
+        """The target: point (3,) [m], and local axes to world (3, 3).
+
+        The columns are heading 0, heading 90 deg and the outward normal.
+        """
+        return np.array(self.target.point), self.target.rotation
+
+    @property
+    def half_thickness(self) -> float:
+        """Depth [m] that the signed distance cannot exceed in the thinnest shape."""
+        return min(part.half_thickness for part in self.shapes)
+
+    @property
+    def is_flat_ground(self) -> bool:
+        """Whether it is the plane z = 0 and nothing else."""
+        if len(self.shapes) != 1 or not isinstance(self.shapes[0], HalfSpace):
+            return False
+        part = self.shapes[0]
+        return part.position[2] == 0.0 and bool(part.rotation[2, 2] == 1.0)
+
+    def _named(self, index: int) -> str:
+        return f"shapes[{index}] ({self.shapes[index].kind})"
 
 
-def load_surface(name):
-    return SurfaceConfig()
+@lru_cache(maxsize=64)
+def compile_parts(
+    parts: tuple[Part, ...], common: float = 0.0, override: float | None = None
+) -> Surface:
+    """Shapes for compiled code; friction is the override, else the shape's own, else ``common``."""
+    friction = [
+        override if override is not None else common if part.friction is None else part.friction
+        for part in parts
+    ]
+    return Surface(
+        np.array([KINDS[part.kind][1] for part in parts], dtype=np.int64),
+        np.array([part.position for part in parts], dtype=float),
+        np.array([part.rotation.flatten() for part in parts]),
+        np.array([part.size for part in parts], dtype=float),
+        np.array(friction, dtype=float),
+    )
+
+
+@lru_cache(maxsize=64)
+def _load(path: Path, _mtime_ns: int) -> SurfaceConfig:
+    return SurfaceConfig.from_mapping(  # type: ignore[no-any-return]
+        read_yaml(path, "impact.surface"), str(path)
+    )
+
+
+def load_surface(name_or_path: str) -> SurfaceConfig:
+    """The surface of ``config/surfaces/NAME.yaml``, or of any YAML file by path.
+
+    Raises:
+        SetupError: unknown name, unreadable file, or a refused value in it.
+    """
+    path = find_config("surfaces", name_or_path, "impact.surface")
+    return _load(path, path.stat().st_mtime_ns)

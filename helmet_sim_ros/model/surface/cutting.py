@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from helmet_sim_ros.model.compiled import compiled
+Vector = tuple[float, float, float]
 
 #: Gradient (3) and value at the origin.
 Plane = tuple[float, float, float, float]
@@ -12,9 +13,7 @@ PARALLEL = 1e-24  # least squared length of a difference of gradients that defin
 
 
 @compiled
-def lowest_of_planes(
-    planes: Planes,
-) -> tuple[float, tuple[float, float, float], tuple[int, int, int]]:
+def lowest_of_planes(planes: Planes, near: Vector) -> tuple[float, Vector, tuple[int, int, int]]:
     """Least value of max_k (g_k . u + b_k) over |u| = 1, where, and the planes that meet there.
 
     The least lies where one plane alone is lowest, where two meet (a circle) or where three meet
@@ -22,6 +21,7 @@ def lowest_of_planes(
 
     Args:
         planes: the four planes, equal ones allowed.
+        near: unit vector; where a whole circle is equally low, its point on this side is taken.
     """
     best = 1e300
     where = (0.0, 0.0, 1.0)
@@ -34,7 +34,7 @@ def lowest_of_planes(
                 for sign in (-1.0, 1.0):
                     if sign > 0.0 and j == k:
                         continue
-                    found, u = _meeting(planes[i], planes[j], planes[k], i == j, j == k, sign)
+                    found, u = _meeting(planes[i], planes[j], planes[k], i == j, j == k, sign, near)
                     if not found:
                         continue
                     value = _greatest(planes, u)
@@ -44,7 +44,7 @@ def lowest_of_planes(
 
 
 @compiled
-def _greatest(planes: Planes, u: tuple[float, float, float]) -> float:
+def _greatest(planes: Planes, u: Vector) -> float:
     value = -1e300
     for k in range(4):
         g = planes[k]
@@ -54,8 +54,8 @@ def _greatest(planes: Planes, u: tuple[float, float, float]) -> float:
 
 @compiled
 def _meeting(
-    p: Plane, q: Plane, r: Plane, single: bool, pair: bool, sign: float
-) -> tuple[bool, tuple[float, float, float]]:
+    p: Plane, q: Plane, r: Plane, single: bool, pair: bool, sign: float, near: Vector
+) -> tuple[bool, Vector]:
     """The lowest point of p on the unit sphere, of p and q where they meet, or of three."""
     none = (False, (0.0, 0.0, 1.0))
     if single:
@@ -69,6 +69,9 @@ def _meeting(
         shift = a / square
         along = (p[0] * ax + p[1] * ay + p[2] * az) / square
         dx, dy, dz = along * ax - p[0], along * ay - p[1], along * az - p[2]
+        if dx * dx + dy * dy + dz * dz < PARALLEL:  # opposite faces: level all along the crease
+            along = (near[0] * ax + near[1] * ay + near[2] * az) / square
+            dx, dy, dz = near[0] - along * ax, near[1] - along * ay, near[2] - along * az
     else:
         bx, by, bz, b = p[0] - r[0], p[1] - r[1], p[2] - r[2], r[3] - p[3]
         dx, dy, dz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.model.compiled import compiled, inlined
-from helmet_sim_ros.model.surface.cutting import Plane, lowest_of_planes
-from helmet_sim_ros.model.surface.shapes import (
+from helmet_sim_ros.biomech.record import FloatArray
+from helmet_sim_ros.model.surface.compiled import (
     CAPSULE,
     FIRST,
     HALF_SPACE,
     RADIUS,
-    Form,
-    Shape,
-    local_form,
-    tangent,
+    Size,
+    Surface,
 )
+from helmet_sim_ros.model.surface.cutting import Plane, lowest_of_planes
+from helmet_sim_ros.model.surface.shapes import Form, local_form, size_of, tangent
 
 #: Newton ends with the step that promises less than this [m]; being of second order, the step
 #: leaves nothing to speak of.
@@ -23,15 +22,19 @@ STEPS = 25  # of Newton; more only where the distance has a crease
 CUTS = 60  # of the search over creases
 GAP = 1e-13  # m, between the least value found and its lower bound
 
+Vector = tuple[float, float, float]
+Rotation = tuple[float, float, float, float, float, float, float, float, float]
+
 #: An ellipsoid in the axes of a shape: centre (3), and the map from its unit sphere, row-major (9).
 Pose = tuple[
     float, float, float, float, float, float, float, float, float, float, float, float
 ]  # fmt: skip
 
 
-@compiled
+@inlined  # as fast on flat ground as without a call
 def deepest_point(
-    shape: Shape,
+    surface: Surface,
+    i: int,
     cx: float,
     cy: float,
     cz: float,
@@ -48,7 +51,8 @@ def deepest_point(
     equally near); there tangent planes of the convex distance give lower bounds that rise.
 
     Args:
-        shape: see :func:`shape_of`.
+        surface: compiled shapes.
+        i: index of the shape.
         cx, cy, cz: centre of the ellipsoid, world axes [m].
         rotation: ellipsoid axes to world, row-major, (9,).
         ax, ay, az: semi-axes [m].
@@ -59,10 +63,49 @@ def deepest_point(
         Depth [m], above 0 in contact; the point, world axes [m]; outward normal of the shape there,
         world axes. On a crease: the normal that lies opposite to the ellipsoid's own.
     """
-    if shape.kind == HALF_SPACE:
-        return deepest_in_half_space(shape, cx, cy, cz, rotation, ax, ay, az, guess)
-    m, r, position = rotation, shape.rotation, shape.position
-    qx, qy, qz = cx - position[0], cy - position[1], cz - position[2]
+    m, o, s = rotation, surface.position, surface.rotation
+    ox, oy, oz = o[i, 0], o[i, 1], o[i, 2]
+    kind = surface.kind[i]
+    if kind == HALF_SPACE:
+        nx, ny, nz = s[i, 2], s[i, 5], s[i, 8]
+        dx = -(m[0] * nx + m[3] * ny + m[6] * nz)
+        dy = -(m[1] * nx + m[4] * ny + m[7] * nz)
+        dz = -(m[2] * nx + m[5] * ny + m[8] * nz)
+        scale = 1.0 / ((ax * dx) ** 2 + (ay * dy) ** 2 + (az * dz) ** 2) ** 0.5
+        guess[0], guess[1], guess[2] = ax * dx * scale, ay * dy * scale, az * dz * scale
+        lx, ly, lz = ax * ax * dx * scale, ay * ay * dy * scale, az * az * dz * scale
+        px = cx + m[0] * lx + m[1] * ly + m[2] * lz
+        py = cy + m[3] * lx + m[4] * ly + m[5] * lz
+        pz = cz + m[6] * lx + m[7] * ly + m[8] * lz
+        distance = nx * (px - ox) + ny * (py - oy) + nz * (pz - oz)
+        return -distance, px, py, pz, nx, ny, nz
+
+    depth, px, py, pz, nx, ny, nz, ux, uy, uz = _curved(
+        kind,
+        size_of(surface, i),
+        (s[i, 0], s[i, 1], s[i, 2], s[i, 3], s[i, 4], s[i, 5], s[i, 6], s[i, 7], s[i, 8]),
+        (cx - ox, cy - oy, cz - oz),
+        (m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7], m[8]),
+        (ax, ay, az),
+        (guess[0], guess[1], guess[2]),
+    )
+    guess[0], guess[1], guess[2] = ux, uy, uz
+    return depth, px + ox, py + oy, pz + oz, nx, ny, nz
+
+
+@compiled
+def _curved(
+    kind: int, size: Size, r: Rotation, q: Vector, m: Rotation, semi_axes: Vector, guess: Vector
+) -> tuple[float, float, float, float, float, float, float, float, float, float]:
+    """:func:`deepest_point` for every other shape, about its origin; and the direction found.
+
+    Args:
+        kind, size, r: of the shape.
+        q, m, semi_axes: of the ellipsoid; centre from the origin of the shape.
+        guess: direction to start from.
+    """
+    ax, ay, az = semi_axes
+    qx, qy, qz = q
     pose = (
         r[0] * qx + r[3] * qy + r[6] * qz,
         r[1] * qx + r[4] * qy + r[7] * qz,
@@ -77,16 +120,16 @@ def deepest_point(
         (r[2] * m[1] + r[5] * m[4] + r[8] * m[7]) * ay,
         (r[2] * m[2] + r[5] * m[5] + r[8] * m[8]) * az,
     )
-    u = (guess[0], guess[1], guess[2])
+    u = guess
     if u[0] == 0.0 and u[1] == 0.0 and u[2] == 0.0:
-        u = _towards(local_form(shape, pose[0], pose[1], pose[2]), pose)
-    u, form, smooth = _newton(shape, pose, u)
+        u = _towards(local_form(kind, size, pose[0], pose[1], pose[2]), pose)
+    u, form, smooth = _newton(kind, size, pose, u)
     nx, ny, nz = form[1], form[2], form[3]
     distance = form[0]
     if not smooth:
-        u, distance = _cut(shape, pose, u, distance)
-        if shape.kind == CAPSULE:
-            u, distance = _pierced(shape, pose, u, distance)
+        u, distance = _cut(kind, size, pose, u, distance)
+        if kind == CAPSULE:
+            u, distance = _pierced(kind, size, pose, u, distance)
         wx, wy, wz = u[0] / ax, u[1] / ay, u[2] / az
         scale = -1.0 / (wx * wx + wy * wy + wz * wz) ** 0.5
         wx, wy, wz = wx * scale, wy * scale, wz * scale
@@ -101,50 +144,22 @@ def deepest_point(
             r[3] * nx + r[4] * ny + r[5] * nz,
             r[6] * nx + r[7] * ny + r[8] * nz,
         )
-    guess[0], guess[1], guess[2] = u
     lx, ly, lz = ax * u[0], ay * u[1], az * u[2]
     return (
         -distance,
-        cx + m[0] * lx + m[1] * ly + m[2] * lz,
-        cy + m[3] * lx + m[4] * ly + m[5] * lz,
-        cz + m[6] * lx + m[7] * ly + m[8] * lz,
-        nx, ny, nz,
+        qx + m[0] * lx + m[1] * ly + m[2] * lz,
+        qy + m[3] * lx + m[4] * ly + m[5] * lz,
+        qz + m[6] * lx + m[7] * ly + m[8] * lz,
+        nx, ny, nz, u[0], u[1], u[2],
     )  # fmt: skip
 
 
-@inlined
-def deepest_in_half_space(
-    shape: Shape,
-    cx: float,
-    cy: float,
-    cz: float,
-    rotation: FloatArray,
-    ax: float,
-    ay: float,
-    az: float,
-    guess: FloatArray,
-) -> tuple[float, float, float, float, float, float, float]:
-    """:func:`deepest_point` in a half space, in closed form."""
-    m, r, position = rotation, shape.rotation, shape.position
-    nx, ny, nz = r[2], r[5], r[8]
-    dx = -(m[0] * nx + m[3] * ny + m[6] * nz)
-    dy = -(m[1] * nx + m[4] * ny + m[7] * nz)
-    dz = -(m[2] * nx + m[5] * ny + m[8] * nz)
-    scale = 1.0 / ((ax * dx) ** 2 + (ay * dy) ** 2 + (az * dz) ** 2) ** 0.5
-    guess[0], guess[1], guess[2] = ax * dx * scale, ay * dy * scale, az * dz * scale
-    lx, ly, lz = ax * ax * dx * scale, ay * ay * dy * scale, az * az * dz * scale
-    px = cx + m[0] * lx + m[1] * ly + m[2] * lz
-    py = cy + m[3] * lx + m[4] * ly + m[5] * lz
-    pz = cz + m[6] * lx + m[7] * ly + m[8] * lz
-    distance = nx * (px - position[0]) + ny * (py - position[1]) + nz * (pz - position[2])
-    return -distance, px, py, pz, nx, ny, nz
-
-
 @compiled
-def _form_at(shape: Shape, p: Pose, u: tuple[float, float, float]) -> Form:
+def _form_at(kind: int, size: Size, p: Pose, u: Vector) -> Form:
     ux, uy, uz = u
     return local_form(
-        shape,
+        kind,
+        size,
         p[0] + p[3] * ux + p[4] * uy + p[5] * uz,
         p[1] + p[6] * ux + p[7] * uy + p[8] * uz,
         p[2] + p[9] * ux + p[10] * uy + p[11] * uz,
@@ -152,7 +167,7 @@ def _form_at(shape: Shape, p: Pose, u: tuple[float, float, float]) -> Form:
 
 
 @compiled
-def _gradient(form: Form, p: Pose) -> tuple[float, float, float]:
+def _gradient(form: Form, p: Pose) -> Vector:
     """Derivative of the distance by the direction u."""
     nx, ny, nz = form[1], form[2], form[3]
     return (
@@ -163,7 +178,7 @@ def _gradient(form: Form, p: Pose) -> tuple[float, float, float]:
 
 
 @compiled
-def _towards(form: Form, p: Pose) -> tuple[float, float, float]:
+def _towards(form: Form, p: Pose) -> Vector:
     """The direction that is best where the distance is linear."""
     gx, gy, gz = _gradient(form, p)
     scale = -1.0 / (gx * gx + gy * gy + gz * gz) ** 0.5
@@ -171,17 +186,15 @@ def _towards(form: Form, p: Pose) -> tuple[float, float, float]:
 
 
 @compiled
-def _newton(
-    shape: Shape, p: Pose, u: tuple[float, float, float]
-) -> tuple[tuple[float, float, float], Form, bool]:
+def _newton(kind: int, size: Size, p: Pose, u: Vector) -> tuple[Vector, Form, bool]:
     """Direction of least distance, the form there, and whether that is sure to be a minimum."""
-    form = _form_at(shape, p, u)
+    form = _form_at(kind, size, p, u)
     for _ in range(STEPS):
         gx, gy, gz = _gradient(form, p)
         pull = -(gx * u[0] + gy * u[1] + gz * u[2])
         if pull <= 0.0:  # on the far side: over to the near one, if that is better
             other = _towards(form, p)
-            there = _form_at(shape, p, other)
+            there = _form_at(kind, size, p, other)
             if there[0] >= form[0]:
                 return u, form, False
             u, form = other, there
@@ -214,7 +227,7 @@ def _newton(
             z = u[2] + share * (step_b * bz + step_d * dz)
             scale = 1.0 / (x * x + y * y + z * z) ** 0.5
             other = (x * scale, y * scale, z * scale)
-            there = _form_at(shape, p, other)
+            there = _form_at(kind, size, p, other)
             if there[0] <= form[0] - 0.1 * share * promise or (
                 promise < ENOUGH and there[0] <= form[0] + 1e-15
             ):
@@ -230,26 +243,24 @@ def _newton(
 
 
 @compiled
-def _plane(form: Form, p: Pose, u: tuple[float, float, float]) -> Plane:
+def _plane(form: Form, p: Pose, u: Vector) -> Plane:
     """The tangent plane of the distance as a function of the direction."""
     gx, gy, gz = _gradient(form, p)
     return gx, gy, gz, form[0] - (gx * u[0] + gy * u[1] + gz * u[2])
 
 
 @compiled
-def _cut(
-    shape: Shape, p: Pose, u: tuple[float, float, float], distance: float
-) -> tuple[tuple[float, float, float], float]:
+def _cut(kind: int, size: Size, p: Pose, u: Vector, distance: float) -> tuple[Vector, float]:
     """Direction of least distance where it has creases, from ``u`` on, and that distance.
 
     Kelley's cutting planes: the greatest of some tangent planes bounds a convex function from
     below. Of the planes only those that meet in the last bound are kept.
     """
-    first = _plane(_form_at(shape, p, u), p, u)
+    first = _plane(_form_at(kind, size, p, u), p, u)
     planes = (first, first, first, first)
     for _ in range(CUTS):
-        bound, other, kept = lowest_of_planes(planes)
-        form = _form_at(shape, p, other)
+        bound, other, kept = lowest_of_planes(planes, u)
+        form = _form_at(kind, size, p, other)
         if form[0] < distance:
             u, distance = other, form[0]
         if distance - bound < GAP:
@@ -259,11 +270,9 @@ def _cut(
 
 
 @compiled
-def _pierced(
-    shape: Shape, p: Pose, u: tuple[float, float, float], distance: float
-) -> tuple[tuple[float, float, float], float]:
+def _pierced(kind: int, size: Size, p: Pose, u: Vector, distance: float) -> tuple[Vector, float]:
     """Where a capsule's axis passes through the ellipsoid's surface nothing is deeper."""
-    radius, half = shape.size[RADIUS], shape.size[FIRST]
+    radius, half = size[RADIUS], size[FIRST]
     # The axis in the space of the unit sphere: the map's columns are orthogonal.
     na = p[3] * p[3] + p[6] * p[6] + p[9] * p[9]
     nb = p[4] * p[4] + p[7] * p[7] + p[10] * p[10]
