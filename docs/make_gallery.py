@@ -39,6 +39,8 @@ def pictures(page: Path) -> None:
     driver = webdriver.Chrome(options=options, service=Service(shutil.which("chromedriver")))
     try:
         driver.get(page.as_uri())
+        everything = "window.print = () => {}; document.querySelector('[data-act=print]').click()"
+        driver.execute_script(everything)
         done = "return document.documentElement.dataset.drawn === 'all'"
         WebDriverWait(driver, 60).until(lambda d: d.execute_script(done))
         save(driver, "report_comparison", "#comparison-3", 1.0)
@@ -57,7 +59,7 @@ def save(driver: webdriver.Chrome, name: str, selector: str, share: float) -> No
     driver.set_window_size(WIDTH, max(1000, height + 200))
     image = Image.open(BytesIO(element.screenshot_as_png)).convert("RGB")
     image = image.crop((0, 0, image.width, round(share * image.height)))
-    image.quantize(128).save(FIGURES / f"{name}.png", optimize=True)
+    image.quantize(256).save(FIGURES / f"{name}.png", optimize=True)
 
 
 def main() -> None:
