@@ -53,7 +53,7 @@ def main() -> int:
             f"{name:10} {of['helmet_mass']:8.3f}  {of['worst peak_g']:12.0f}  "
             f"{of['worst hic']:9.0f}  {drawn}"
         )
-    print(f"\ndrawn: {result.path / 'pareto.png'}; helmets: {result.path / 'designs'}")
+    print(f"\ndrawn: {result.folder / 'pareto.png'}; helmets: {result.folder / 'designs'}")
     return 0
 
 
