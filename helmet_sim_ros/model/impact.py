@@ -30,6 +30,7 @@ from helmet_sim_ros.model.force.bodies import (
 from helmet_sim_ros.model.force.fit import fit
 from helmet_sim_ros.model.force.foam import residual_strains
 from helmet_sim_ros.model.force.liner import crushing_liner
+from helmet_sim_ros.model.force.shell import plate
 from helmet_sim_ros.model.force.spring import coupling_spring
 from helmet_sim_ros.model.loop import Clock, Engine, Forces, Rows, advance
 from helmet_sim_ros.model.setup import ImpactSetup
@@ -84,12 +85,14 @@ class Impact:
             raise PulseError(f"crush: shape {largest.shape}, expected ({count},)")
         self._motion = motion_of(data)
         self._loads = no_loads(parts.model, data.qfrc_applied)
+        liner = crushing_liner(columns, helmet.shell, layout.helmet, shapes, largest)
         self._forces = Forces(
             world.surface,
             coupling_spring(helmet.spring, layout.slide, layout.slide_velocity),
             parts.stops,
             world.contact,
-            crushing_liner(columns, helmet.shell, layout.helmet, shapes, largest),
+            liner,
+            plate(helmet, liner),
             fit(helmet, columns.thickness, layout.head, layout.helmet),
         )
         self._engine = Engine(
