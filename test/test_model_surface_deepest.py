@@ -223,3 +223,21 @@ def test_compiled_calls_allocate_nothing(kind: str) -> None:
     finally:
         _nrt_python.memsys_disable_stats()
     assert made[0] == made[1]  # what wraps the arguments, nothing per call
+
+
+def test_deep_on_a_thin_plate_the_point_stays_near_its_edge() -> None:
+    """Deeper than half its thickness all points of the plate's middle plane are equally deep."""
+    plate = shape("box", half_sizes=(0.09, 0.003, 0.04), edge_radius=0.003)
+    for aside in (0.001, -0.002, 0.004):
+        center = (0.002, aside, 0.04 + SHELL[2] - 0.006)
+        found = deepest_point(plate, 0, *center, IDENTITY, *SHELL, np.zeros(3))
+        assert found[0] == pytest.approx(0.003, abs=1e-9)
+        assert found[2] == pytest.approx(0.0, abs=1e-9)
+        assert found[6] > 0.9  # any point of that plane near the edge will do
+
+
+def test_between_opposite_planes_the_lowest_point_is_the_one_near_the_start() -> None:
+    planes = ((0.0, 1.0, 0.0, 0.0), (0.0, -1.0, 0.0, 0.0), *(((0.0, 1.0, 0.0, 0.0),) * 2))
+    value, where, _ = lowest_of_planes(planes, (0.6, 0.0, -0.8))
+    assert value == pytest.approx(0.0, abs=1e-15)
+    assert where == pytest.approx((0.6, 0.0, -0.8))

@@ -33,6 +33,7 @@ from helmet_sim_ros.model.force.liner import crushing_liner
 from helmet_sim_ros.model.force.shell import plate
 from helmet_sim_ros.model.force.spring import coupling_spring
 from helmet_sim_ros.model.loop import Clock, Engine, Forces, Rows, advance
+from helmet_sim_ros.model.rider.neck import overload
 from helmet_sim_ros.model.setup import ImpactSetup
 from helmet_sim_ros.model.world import build
 
@@ -65,6 +66,7 @@ class Impact:
         labels: column names of :meth:`block`.
         surface: what is struck.
         contact: what may touch it by a stiff contact.
+        neck: constants of the rider's neck.
         notes: what a user should know about this setup, in words.
     """
 
@@ -74,6 +76,7 @@ class Impact:
         world = build(setup)
         parts, data = world.parts, world.data
         self.notes, self.surface, self.contact = world.notes, world.surface, world.contact
+        self.neck = parts.neck
         self._model, self._data, self._spec = parts.model, data, parts.spec
         self._layout = layout = parts.layout
         self.labels = block_labels(layout.joints)
@@ -90,17 +93,18 @@ class Impact:
             world.surface,
             coupling_spring(helmet.spring, layout.slide, layout.slide_velocity),
             parts.stops,
+            parts.neck.fresh(),
             world.contact,
             liner,
             plate(helmet, liner),
-            fit(helmet, columns.thickness, layout.head, layout.helmet),
+            fit(helmet, setup.head_surface, layout.fit, layout.fit_velocity),
         )
         self._engine = Engine(
             parts.model._address, data._address, data.qacc_smooth, data.qacc, data.xfrc_applied,
             data.sensordata, data.M, *parts.damped_diagonal, parts.chains,
         )  # fmt: skip
         self._clock = Clock(parts.model.opt.timestep, world.substeps)
-        widths = (parts.model.nq, parts.model.nv, parts.model.nsensordata, 3, (2, COLUMNS), 3)
+        widths = (parts.model.nq, parts.model.nv, parts.model.nsensordata, 6, 3, (2, COLUMNS), 3)
         self._rows = Rows(*(np.zeros((self.total, *np.atleast_1d(w))) for w in widths))
         self._done = 0
 
@@ -157,14 +161,16 @@ class Impact:
         orientation = layout.read(sensors, "head_orientation")[:, [1, 2, 3, 0]]
         position = layout.read(sensors, "head_position")
         helmet_orientation = layout.read(sensors, "helmet_orientation")[:, [1, 2, 3, 0]]
-        turn = matrices(orientation)
+        turn, helmet_turn = matrices(orientation), matrices(helmet_orientation)
+        back = turn.transpose(0, 2, 1)
+        shift = q[:, layout.fit : layout.fit + 3]
         if layout.slide >= 0:
-            displacement = q[:, layout.slide : layout.slide + 3]
-            shell, force = position + _turned(turn, displacement), -rows.coupling
-        else:  # the crushed liner, in the same sense: the surface pushes the shell inwards
-            back = turn.transpose(0, 2, 1)
-            displacement = _turned(back, rows.crush)
-            shell, force = position, _turned(back, _part(helmet_load, FORCE))
+            sprung = q[:, layout.slide : layout.slide + 3]
+            shift = shift + _turned(back, _turned(helmet_turn, sprung))
+            displacement = shift
+        else:  # the crushed liner in the same sense: the surface pushes the shell inwards
+            displacement = shift + _turned(back, rows.crush)
+        helmet_position = position + _turned(turn, shift)
         gravity = np.array([0.0, 0.0, -self.setup.gravity])
         zeros = np.zeros((len(q), 3))
         return ImpactRecord(
@@ -176,19 +182,19 @@ class Impact:
             head_angular_velocity=layout.read(sensors, "head_angular_velocity"),
             head_position=position,
             head_orientation=orientation,
-            helmet_position=shell,
+            helmet_position=helmet_position,
             helmet_orientation=helmet_orientation,
             ground_force=_part(helmet_load, FORCE),
             ground_torque=_part(helmet_load, MOMENT),
             ground_friction=_part(helmet_load, FRICTION),
-            coupling_force=force,
-            coupling_torque=-layout.read(sensors, "coupling_torque"),
+            coupling_force=rows.coupling[:, :3],
+            coupling_torque=rows.coupling[:, 3:],
             coupling_displacement=displacement,
             body_ground_force=_part(rows.surface[:, BODY], FORCE),
             neck_force=layout.read(sensors, "neck_force") if rider else zeros,
             neck_torque=layout.read(sensors, "neck_torque") if rider else zeros,
             joint_names=layout.joints,
-            joint_positions=q.take(layout.qpos, axis=1),
+            joint_positions=layout.positions(q),
             joint_velocities=v.take(layout.qvel, axis=1),
             setup=MappingProxyType(self.setup.described()),
             extras=MappingProxyType(self.extras()),
@@ -197,7 +203,8 @@ class Impact:
     def extras(self) -> dict[str, Any]:
         """Notes, and of a foam helmet the crush map so far: ``crush`` (largest strain of each
         column), ``residual_crush`` [m], ``column_position`` (n, 3) [m] in the helmet frame."""
-        extras: dict[str, Any] = {"notes": list(self.notes)}
+        suffered = overload(self.neck, self._rows.qpos[: self._done])
+        extras: dict[str, Any] = {"notes": [*self.notes, *suffered]}
         liner = self._forces.liner
         if len(liner.largest):
             strains = residual_strains(liner.largest, liner.columns.foam)

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.model.compiled import compiled, inlined
-from helmet_sim_ros.model.force import contact, fit, liner, shell, spring, stops
+from helmet_sim_ros.model.force import contact, fit, liner, neck, shell, spring, stops
 from helmet_sim_ros.model.force.bodies import (
     Chains,
     Loads,
@@ -98,6 +98,7 @@ class Forces(NamedTuple):
     surface: Surface
     spring: spring.CouplingSpring
     stops: stops.Stops
+    neck: neck.CervicalSpine
     contact: contact.Contact
     liner: liner.CrushingLiner
     shell: shell.Plate
@@ -109,7 +110,7 @@ class Rows(NamedTuple):
 
     Attributes:
         qpos, qvel, sensors: MuJoCo's.
-        coupling, surface: see :class:`helmet_sim_ros.model.force.bodies.Loads`.
+        coupling, spring, surface: see :class:`helmet_sim_ros.model.force.bodies.Loads`.
         crush: of a foam helmet: depth of the undeformed shell [m] times the outward normal.
     """
 
@@ -117,6 +118,7 @@ class Rows(NamedTuple):
     qvel: FloatArray
     sensors: FloatArray
     coupling: FloatArray
+    spring: FloatArray
     surface: FloatArray
     crush: FloatArray
 
@@ -144,6 +146,7 @@ def sample(engine: Engine, motion: Motion, loads: Loads, rows: Rows, i: int) -> 
     rows.qvel[i] = motion.qvel
     rows.sensors[i] = engine.sensors
     rows.coupling[i] = loads.coupling
+    rows.spring[i] = loads.spring
     rows.surface[i] = loads.surface
 
 
@@ -173,7 +176,7 @@ def advance(
     model, data, step = engine.model, engine.data, clock.step
     mass, diagonal, damping = engine.mass, engine.diagonal, engine.damping
     acceleration, qpos, qvel = engine.acceleration, motion.qpos, motion.qvel
-    struck, sprung, stopped, touching, crushing, plate, fitted = forces
+    struck, sprung, stopped, necked, touching, crushing, plate, fitted = forces
     foam = len(crushing.columns.area) > 0
     bends = shell.spreads(plate, struck)
     damped = damping.any()
@@ -186,13 +189,14 @@ def advance(
 
             clear(loads)
             stops.apply(stopped, motion, loads)
+            neck.apply(necked, motion, loads)
             contact.apply(touching, struck, step, motion, loads)
+            fit.apply(fitted, step, motion, loads)
             if foam:
                 if bends:
                     shell.apply(plate, crushing, struck, step, motion, loads)
                 else:
                     liner.apply(crushing, struck, step, motion, loads)
-                fit.apply(fitted, step, motion, loads)
             else:
                 spring.apply(sprung, motion, loads)
             add_generalised(motion, loads, engine.chains)

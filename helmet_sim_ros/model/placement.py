@@ -44,9 +44,8 @@ def place(
     target, frame = setup.surface_config.frame
     rotation = frame @ head_in_frame(setup)
     normal = frame[:, 2]
-    # A spring at rest: posture and neck flexion are the springs' reference angles.
-    hinges = model.jnt_qposadr[model.jnt_type == int(mujoco.mjtJoint.mjJNT_HINGE)]
-    data.qpos[hinges] = model.qpos_spring[hinges]
+    # All joints at rest: posture and neck flexion are the springs' reference angles.
+    data.qpos[7:] = model.qpos_spring[7:]
     shell = setup.helmet_config.shell
     down = rotation.T @ -normal
     axes = np.array(shell.semi_axes)

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from helmet_sim_ros.biomech.record import FloatArray, ImpactRecord
 from helmet_sim_ros.model.placement import place_head
+from helmet_sim_ros.model.rider.neck import named_today
 from helmet_sim_ros.model.setup import ImpactSetup
 from helmet_sim_ros.model.world import build
 
@@ -50,6 +51,7 @@ class Scene:
         self.setup = setup
         world = build(setup)
         self.model, self.data = world.parts.model, world.data
+        self._layout = world.parts.layout
         model = self.model
         self._geoms = [g for g in range(model.ngeom) if model.geom(g).name != "ground"]
         drawn = [
@@ -67,16 +69,15 @@ class Scene:
     def pose(self, record: ImpactRecord, index: int) -> None:
         """Put ``data`` into the pose of one sample of a record of this setup."""
         qpos, model = self.data.qpos, self.model
-        if self.setup.helmet_config.coupling == "spring":
-            first = int(model.joint("coupling_x").qposadr[0])
-            qpos[first : first + 3] = record.coupling_displacement[index]
-        else:
-            turn = Rotation.from_quat(record.head_orientation[index]).inv()
-            turn = turn * Rotation.from_quat(record.helmet_orientation[index])
-            first = int(model.joint("coupling_turn").qposadr[0])
-            qpos[first : first + 4] = turn.as_quat()[[3, 0, 1, 2]]
-        for name, value in zip(record.joint_names, record.joint_positions[index], strict=True):
-            qpos[int(model.joint(name).qposadr[0])] = value
+        # All of the helmet's motion on the head in the joints of its fit.
+        head = Rotation.from_quat(record.head_orientation[index]).inv()
+        turn = head * Rotation.from_quat(record.helmet_orientation[index])
+        first = int(model.joint("fit_x").qposadr[0])
+        away = record.helmet_position[index] - record.head_position[index]
+        qpos[first : first + 3] = head.apply(away)
+        qpos[first + 3 : first + 7] = turn.as_quat()[[3, 0, 1, 2]]
+        joints, positions = named_today(record.joint_names, record.joint_positions[index])
+        self._layout.pose(qpos, joints, positions)
         rotation = np.empty(9)
         mujoco.mju_quat2Mat(rotation, record.head_orientation[index][[3, 0, 1, 2]])
         place_head(model, self.data, record.head_position[index], rotation.reshape(3, 3))

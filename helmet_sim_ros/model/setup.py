@@ -9,7 +9,9 @@ from typing import Any, Literal
 from pydantic import Field, model_validator
 
 from helmet_sim_ros.errors import Problem, SetupError
+from helmet_sim_ros.model.head_surface import Head, HeadSurface, load_head_surface
 from helmet_sim_ros.model.helmet import Helmet, load_helmet
+from helmet_sim_ros.model.rider.properties import RETIRED, Rider, refuse_retired
 from helmet_sim_ros.model.surface.config import SurfaceConfig, load_surface
 from helmet_sim_ros.schema import Config, leaf_values, leaves, quantity
 
@@ -18,44 +20,6 @@ Direction = Literal["front", "back", "left", "right", "top"]
 
 #: Flexion of the neck that the rider reaches [deg] (facts: flexion 50 to 60 deg).
 MAX_NECK_FLEXION_DEG = 60.0
-
-
-class Neck(Config):
-    """Passive neck. General literature values (10-30 N m/rad in bending, 3-10 in torsion,
-    0.5-2 N m s/rad damping), not measured for this model."""
-
-    axial_stiffness: float = quantity("axial stiffness", "N/m", 150e3, ge=1e3, le=5e6)
-    axial_damping: float = quantity("axial damping", "N s/m", 300.0, ge=0.0, le=1e4)
-    bending_stiffness: float = quantity(
-        "flexion-extension and lateral stiffness of head against torso",
-        "N m/rad", 20.0, ge=0.0, le=500.0,
-    )  # fmt: skip
-    torsion_stiffness: float = quantity(
-        "axial rotation stiffness", "N m/rad", 6.0, ge=0.0, le=200.0
-    )
-    damping: float = quantity("rotational damping", "N m s/rad", 1.0, ge=0.0, le=50.0)
-
-
-class Posture(Config):
-    """Joint angles of the limbs at the first touch; 0 is standing upright, arms down."""
-
-    shoulder_flexion_deg: float = quantity("arms raised forwards", "deg", 0.0, ge=-45.0, le=170.0)
-    elbow_flexion_deg: float = quantity("elbows bent", "deg", 20.0, ge=0.0, le=140.0)
-    hip_flexion_deg: float = quantity("thighs raised forwards", "deg", 15.0, ge=-15.0, le=115.0)
-    knee_flexion_deg: float = quantity("knees bent", "deg", 20.0, ge=0.0, le=140.0)
-
-
-class Rider(Config):
-    """The rider: de Leva's male body, scaled by height and mass."""
-
-    height: float = quantity("standing height", "m", 1.75, ge=1.2, le=2.2)
-    mass: float = quantity("body mass", "kg", 77.0, ge=30.0, le=180.0)
-    head_mass: float | None = quantity(
-        "mass of the head without neck; unset: 4.5/77 of the body mass",
-        "kg", None, ge=2.5, le=7.0,
-    )  # fmt: skip
-    neck: Neck = Field(default_factory=Neck)
-    posture: Posture = Field(default_factory=Posture)
 
 
 class ImpactSetup(Config):
@@ -97,6 +61,7 @@ class ImpactSetup(Config):
     gravity: float = quantity("gravity, downwards", "m/s^2", 9.80665, ge=0.0, le=30.0)
     helmet: str = Field("fullface", description="name in config/helmets, or path to a YAML file")
     rider: Rider = Field(default_factory=Rider)
+    head: Head = Field(default_factory=Head)
     duration: float = quantity("simulated time from the first touch", "s", 0.04, ge=1e-3, le=2.0)
     time_step: float = quantity(
         "sampling step; also the integration step, or a whole multiple of it where stability needs "
@@ -124,7 +89,7 @@ class ImpactSetup(Config):
     def _resolvable(self) -> ImpactSetup:
         if self.duration < 10 * self.time_step:
             raise SetupError.of("duration", self.duration, "must be at least 10 time steps")
-        _ = self.helmet_config, self.surface_config  # refuse a bad file now, not when it runs
+        _ = self.helmet_config, self.surface_config, self.head_surface  # refuse a bad file now, not when it runs
         return self
 
     @cached_property
@@ -145,6 +110,15 @@ class ImpactSetup(Config):
     def surface_config(self) -> SurfaceConfig:
         """What is struck."""
         return load_surface(self.surface)
+
+    @cached_property
+    def head_surface(self) -> HeadSurface:
+        """The surface of the head in the liner."""
+        name = self.head.surface or ("scalp" if self.rig == "rider" else "en960")
+        surface = load_head_surface(name)
+        if self.head.friction is None:
+            return surface
+        return surface.replaced({"friction": self.head.friction})  # type: ignore[no-any-return]
 
     @property
     def resolved_friction(self) -> float:
@@ -171,6 +145,8 @@ class ImpactSetup(Config):
         values["impact.neck_flexion_deg"] = self.resolved_neck_flexion_deg
         values["impact.friction"] = self.resolved_friction
         values |= {f"rider.{k}": v for k, v in leaf_values(self.rider).items()}
+        values["head.surface"] = self.head.surface or ("scalp" if self.rig == "rider" else "en960")
+        values["head.friction"] = self.head_surface.friction
         values["helmet.name"] = self.helmet
         values |= {f"helmet.{k}": v for k, v in leaf_values(self.helmet_config).items()}
         return {k: list(v) if isinstance(v, tuple) else v for k, v in values.items()}
@@ -188,32 +164,37 @@ def _setup_keys() -> dict[str, str]:
 
 
 def _apply_overrides(data: dict[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:
-    """Fold ``rider.*``, ``impact.*`` and ``sim.*`` into the fields; ``helmet.*`` stays."""
+    """Fold ``rider.*``, ``head.*``, ``impact.*`` and ``sim.*`` into the fields; ``helmet.*`` stays."""
     kept: dict[str, Any] = {}
-    rider_changes: dict[str, Any] = {}
+    changes: dict[str, dict[str, Any]] = {name: {} for name in GROUPS}
     for key, value in overrides.items():
         group, _, name = str(key).partition(".")
         if key == "helmet.name":
             data["helmet"] = value
         elif group == "helmet" and name:
             kept[key] = tuple(value) if isinstance(value, list) else value
-        elif group == "rider" and name:
-            rider_changes[name] = value
+        elif group in GROUPS and name:
+            changes[group][name] = value
         elif key in _SETUP_KEYS:
             data[_SETUP_KEYS[key]] = value
         else:
             raise SetupError.of(
                 f"overrides.{key}", value,
-                "unknown name; use helmet.*, rider.* or one of " + ", ".join(_SETUP_KEYS),
+                "unknown name; use helmet.*, rider.*, head.* or one of " + ", ".join(_SETUP_KEYS),
             )  # fmt: skip
-    if rider_changes:
-        rider = data.get("rider", Rider())
-        rider = rider if isinstance(rider, Rider) else Rider.from_mapping(rider)
+    for group, named in changes.items():
+        if not named:
+            continue
+        kind = GROUPS[group]
+        present = data.get(group, kind())
+        present = present if isinstance(present, kind) else kind.from_mapping(present)
         try:
-            data["rider"] = rider.replaced(rider_changes)
+            if group == "rider":
+                refuse_retired(named, "neck.")
+            data[group] = present.replaced(named)
         except SetupError as error:
             raise SetupError(
-                [Problem(f"rider.{p.key}", p.value, p.allowed) for p in error.problems]
+                [Problem(f"{group}.{p.key}", p.value, p.allowed) for p in error.problems]
             ) from None
     return data | {"overrides": kept}
 
@@ -222,6 +203,8 @@ def _prefixed(prefix: str, key: str) -> str:
     return key if key.startswith(prefix) or key == "helmet" else prefix + key
 
 
+#: Groups of values that have a record of their own.
+GROUPS: dict[str, type[Rider] | type[Head]] = {"rider": Rider, "head": Head}
 _SETUP_KEYS = _setup_keys()
 
 
@@ -245,6 +228,24 @@ def setup_from_names(values: Mapping[str, Any]) -> ImpactSetup:
         raise SetupError(problems, error.source) from None
 
 
+def setup_from_log(values: Mapping[str, Any]) -> tuple[ImpactSetup, tuple[str, ...]]:
+    """The setup of a logged impact, also of one that an earlier version logged.
+
+    Only for showing what was recorded: a neck of version 0.1 is replaced by today's.
+
+    Returns:
+        The setup, and what it leaves out, in words.
+
+    Raises:
+        SetupError: unknown name, or a refused value.
+    """
+    retired = sorted({f"rider.neck.{name}" for name in RETIRED} & values.keys())
+    setup = setup_from_names({k: v for k, v in values.items() if k not in retired})
+    if not retired:
+        return setup, ()
+    return setup, (f"logged with another neck model; left out: {', '.join(retired)}",)
+
+
 def setup_leaves() -> list[Any]:
     """Every ``impact.*``, ``sim.*`` and ``rider.*`` value, with its dotted name."""
     from dataclasses import replace
@@ -255,4 +256,4 @@ def setup_leaves() -> list[Any]:
         for leaf in leaves(ImpactSetup)
         if leaf.name in field_to_name
     ]
-    return own + leaves(Rider, "rider.")
+    return own + leaves(Rider, "rider.") + leaves(Head, "head.")

@@ -11,17 +11,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helmet_sim_ros.biomech.record import FloatArray
-from helmet_sim_ros.model.anthropometry import anthropometry
-from helmet_sim_ros.model.body import BODY_CONTACT, add_body
 from helmet_sim_ros.model.force.bodies import Chains, chains
 from helmet_sim_ros.model.force.columns import Columns, columns, no_columns
 from helmet_sim_ros.model.force.contact import Contact
+from helmet_sim_ros.model.force.neck import CervicalSpine
 from helmet_sim_ros.model.force.spring import deepest, law_table, unloading_exponent
 from helmet_sim_ros.model.force.stops import Stops, joint_stops
 from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.layout import Layout
 from helmet_sim_ros.model.placement import place
-from helmet_sim_ros.model.setup import ImpactSetup, Rider
+from helmet_sim_ros.model.rider.anthropometry import anthropometry
+from helmet_sim_ros.model.rider.body import BODY_CONTACT, add_body
+from helmet_sim_ros.model.rider.neck import cervical_spine, set_rest
+from helmet_sim_ros.model.rider.properties import Rider
+from helmet_sim_ros.model.setup import ImpactSetup
 from helmet_sim_ros.model.surface.config import SurfaceConfig
 from helmet_sim_ros.model.surface.drawing import add_geoms
 from helmet_sim_ros.model.surface.compiled import Surface
@@ -31,6 +34,7 @@ MIN_STEP = 2e-6  # s; a shell so light or stiff that it needs less may diverge, 
 STABLE_SHARE = 0.9
 BODY_MARGIN = 1.3  # energy the body feeds into the spring, over that of head and helmet
 OF_THE_SURFACE = -1.0  # friction of the shell: whatever it strikes has its own
+POINT_INERTIA = 1e-9  # kg m^2, of a mass that only translates; MuJoCo takes no zero
 ARENA = 1 << 20  # bytes of working memory per simulation
 HELMET_COLOR = (0.20, 0.36, 0.62, 0.9)
 GROUND_COLOR = (0.55, 0.55, 0.55, 1.0)
@@ -45,7 +49,8 @@ class Parts:
         spec: the same as an editable specification, for export.
         contact: what may touch the surface by a stiff contact, as long as nothing has moved.
         columns: the foam helmet's columns, none for a spring helmet.
-        stops: of the body's joints.
+        stops: of the body's hinges.
+        neck: of the rider, as long as it has not yielded.
         chains: see :mod:`helmet_sim_ros.model.tree`.
         damped_diagonal: where the diagonal of M stands in MuJoCo's data, and what the damping of
             the joints adds to it in an implicit step, (nv,) each.
@@ -57,6 +62,7 @@ class Parts:
     contact: Contact
     columns: Columns
     stops: Stops
+    neck: CervicalSpine
     chains: Chains
     damped_diagonal: tuple[NDArray[np.int64], FloatArray]
     layout: Layout
@@ -106,7 +112,7 @@ def _parts(
     add_geoms(spec, surface, GROUND_COLOR)
     body = anthropometry(rider)
     if rig == "rider":
-        head = add_body(spec, rider, body, math.radians(neck_flexion_deg))
+        head = add_body(spec, rider, body)
     else:
         head = spec.worldbody.add_body(name="head")
         head.add_freejoint(name="root")
@@ -115,10 +121,13 @@ def _parts(
     _add_helmet(head, helmet)
     _add_sensors(spec, rig)
     model = spec.compile()
+    if rig == "rider":
+        set_rest(model, math.radians(neck_flexion_deg))
     foam = helmet.coupling == "foam"
     return Parts(
         model, spec, _ellipsoids(model, helmet), columns(helmet) if foam else no_columns(),
-        joint_stops(model), chains(model), _damped_diagonal(model), Layout(model),
+        joint_stops(model), cervical_spine(model, rider.neck), chains(model),
+        _damped_diagonal(model), Layout(model),
     )  # fmt: skip
 
 
@@ -174,30 +183,39 @@ def _empty_world(gravity: float, step: float) -> mujoco.MjSpec:
 
 
 def _add_helmet(head: mujoco.MjsBody, helmet: Helmet) -> None:
-    """A foam helmet is fixed to the head. Of a spring helmet the struck part of the shell moves on
-    three slides against the head, and the rest is fixed to the head."""
-    center = list(helmet.shell.center)
-    shell = head.add_body(name="helmet")
-    share = 1.0
-    if helmet.coupling == "spring":
-        share = helmet.shell.effective_mass / helmet.mass
-        for name, axis in (("x", (1, 0, 0)), ("y", (0, 1, 0)), ("z", (0, 0, 1))):
-            shell.add_joint(
-                name=f"coupling_{name}", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=list(axis)
-            )
+    """The helmet on the head, with six degrees of freedom.
+
+    A rigid shell of the whole mass would be stopped at once by the ground and then struck by the
+    head: only a part of a real helmet is. So what lies between head and ground turns as the whole
+    helmet, but carries in translation the mass of its struck part only; the rest is carried by the
+    head. Of a spring helmet the struck shell moves on three slides against the liner's inside.
+    """
+    center, spring = list(helmet.shell.center), helmet.coupling == "spring"
+    struck, inside = helmet.shell.effective_mass, helmet.liner.effective_mass
+    carried = head.add_body(name="helmet_rest")
+    _rigid(carried, helmet.mass - struck - inside, center, [POINT_INERTIA] * 3)
+    fitted = head.add_body(name="helmet_inside" if spring else "helmet")
+    _slides(fitted, "fit")
+    fitted.add_joint(name="fit_turn", type=mujoco.mjtJoint.mjJNT_BALL)
+    shell = fitted
+    if spring:
+        _rigid(fitted, inside, center, [i - POINT_INERTIA for i in helmet.inertia])
+        shell = fitted.add_body(name="helmet")
+        _slides(shell, "coupling")
+        _rigid(shell, struck, center, [POINT_INERTIA] * 3)
     else:
-        joint = shell.add_joint(name="coupling_turn", type=mujoco.mjtJoint.mjJNT_BALL)
-        joint.stiffness = [helmet.liner.retention_stiffness, 0.0, 0.0]
-        joint.damping = [helmet.liner.retention_damping, 0.0, 0.0]
-    _rigid(shell, share * helmet.mass, center, [share * i for i in helmet.inertia])
+        _rigid(fitted, struck + inside, center, list(helmet.inertia))
     shell.add_geom(
         name="shell", type=mujoco.mjtGeom.mjGEOM_ELLIPSOID, size=list(helmet.shell.semi_axes),
         pos=center, mass=0.0, rgba=list(HELMET_COLOR),
     )  # fmt: skip
-    shell.add_site(name="coupling")
-    if share < 1.0:
-        rest = head.add_body(name="helmet_rest")
-        _rigid(rest, (1 - share) * helmet.mass, center, [(1 - share) * i for i in helmet.inertia])
+
+
+def _slides(body: mujoco.MjsBody, name: str) -> None:
+    for letter, axis in (("x", (1, 0, 0)), ("y", (0, 1, 0)), ("z", (0, 0, 1))):
+        body.add_joint(
+            name=f"{name}_{letter}", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=list(axis)
+        )
 
 
 def _rigid(body: mujoco.MjsBody, mass: float, at: list[float], inertia: list[float]) -> None:
@@ -216,7 +234,6 @@ def _add_sensors(spec: mujoco.MjSpec, rig: str) -> None:
         ("head_angular_velocity", kind.mjSENS_FRAMEANGVEL, frame, "head"),
         ("head_specific_force", kind.mjSENS_FRAMELINACC, frame, "head"),
         ("head_angular_acceleration", kind.mjSENS_FRAMEANGACC, frame, "head"),
-        ("coupling_torque", kind.mjSENS_TORQUE, site, "coupling"),
     ]
     if rig == "rider":
         sensors += [

@@ -39,7 +39,7 @@ from helmet_sim_ros.model.force.bodies import (
     velocity_at,
     world_point,
 )
-from helmet_sim_ros.model.force.foam import MODULUS, RETURNED
+from helmet_sim_ros.model.force.foam import MODULUS, RETURNED, loading_stress
 from helmet_sim_ros.model.force.friction import RELAXATION, friction_force
 from helmet_sim_ros.model.force.liner import (
     POISSON,
@@ -399,7 +399,8 @@ def apply(
         return
     follow(plate, liner, surface, motion)
     helmet = rigid(motion, liner.helmet)
-    points, normals, state, f = liner.columns.point, liner.columns.normal, plate.columns, plate.frame
+    points, normals, foams = liner.columns.point, liner.columns.normal, liner.columns.foam
+    state, f, largest = plate.columns, plate.frame, liner.largest
     origin, ex, ey, up = row3(f, 0), row3(f, 3), row3(f, 6), row3(f, 9)
     for n in range(listed[-1]):
         c = listed[n]
@@ -424,7 +425,7 @@ def apply(
         i, j, _, _, _ = on_plate(plate, state[c, 0], state[c, 1])
         point = world_point(helmet, row(points, c))
         slip = across(velocity_at(helmet, point), up)
-        shear = liner.columns.foam[c, MODULUS] / (2.0 * (1.0 + POISSON))
+        shear = loading_stress(largest[c], foams[c]) / largest[c] / (2.0 * (1.0 + POISSON))
         shear *= liner.columns.area[c] * state[c, 3] / liner.columns.thickness[c]
         rubbed = friction_force(
             shear, RELAXATION, plate.friction[i, j] * pushed, slip, up, step, stick

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from helmet_sim_ros.model.compiled import compiled
+
 Vector = tuple[float, float, float]
 
 #: Gradient (3) and value at the origin.

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from helmet_sim_ros.model.compiled import compiled, inlined
 from helmet_sim_ros.biomech.record import FloatArray
+from helmet_sim_ros.model.compiled import compiled, inlined
 from helmet_sim_ros.model.surface.compiled import (
     CAPSULE,
     FIRST,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from helmet_sim_ros.model.compiled import compiled
+
 NEAREST = 1e-100  # m, takes the place of a coordinate 0: the root below is then never on a pole
 FLATTEST = 1e-9  # least det(I + d S), which vanishes where two nearest points meet
 
