@@ -26,9 +26,9 @@ from helmet_sim_ros.model.rider.body import BODY_CONTACT, add_body
 from helmet_sim_ros.model.rider.neck import cervical_spine, set_rest
 from helmet_sim_ros.model.rider.properties import Rider
 from helmet_sim_ros.model.setup import ImpactSetup
+from helmet_sim_ros.model.surface.compiled import Surface
 from helmet_sim_ros.model.surface.config import SurfaceConfig
 from helmet_sim_ros.model.surface.drawing import add_geoms
-from helmet_sim_ros.model.surface.compiled import Surface
 
 MAX_STEP = 5e-5  # s, largest integration step: peaks within 1 % (test_model_impact)
 MIN_STEP = 2e-6  # s; a shell so light or stiff that it needs less may diverge, and says so
