@@ -17,7 +17,7 @@ from rich.table import Table
     "--experiments",
     "only_experiments",
     is_flag=True,
-    help="Only the published experiments: show them, and write their section.",
+    help="Only the published experiments and foam data: show and write them.",
 )
 @click.option("--references", type=click.Path(path_type=Path), metavar="FILE",
               help="With --experiments: those of this file; nothing is written.")  # fmt: skip
@@ -43,8 +43,10 @@ def _experiments(console: Console, output: Path, references: Path | None) -> Non
         replace_section,
         table_row,
     )
+    from helmet_sim_ros.report.validation.foam import foam_section
     from helmet_sim_ros.study.validation.experiments import load_experiments
     from helmet_sim_ros.study.validation.findings import findings
+    from helmet_sim_ros.study.validation.foam import load_foam_reference
 
     found = findings(load_experiments(references), lambda what: console.print(what))
     for name in ("calibration", "prediction"):
@@ -60,4 +62,5 @@ def _experiments(console: Console, output: Path, references: Path | None) -> Non
         output.mkdir(parents=True, exist_ok=True)
         path = output / "validation.md"
         replace_section(path, experiments_section(found))
-        console.print(f"section: {path}")
+        replace_section(path, foam_section(load_foam_reference()))
+        console.print(f"sections: {path}")

@@ -40,12 +40,14 @@ def experiments_section(found: Sequence[Finding]) -> str:
 
 
 def replace_section(path: Path, section: str) -> None:
-    """Put the section into a validation document in place of the one that stands there, or at its
-    end; the document may be missing."""
+    """Put a section into a Markdown document in place of the one with the same heading, or at its
+    end; the document may be missing. The heading, of the second level, is the section's first
+    line."""
     text = path.read_text(encoding="utf-8") if path.is_file() else ""
-    before, heading, rest = text.partition(f"{HEADING}\n")
+    heading = section.partition("\n")[0] + "\n"
+    before, found, rest = text.partition(heading)
     after = ""
-    if heading:
+    if found:
         _, mark, after = rest.partition("\n## ")
         after = f"\n## {after}" if mark else ""
     if before and not before.endswith("\n\n"):
