@@ -1,4 +1,4 @@
-"""Rerun the whole validation, or the published experiments alone, and write the report."""
+"""Rerun the whole validation and write its report; or the published experiments alone."""
 
 from __future__ import annotations
 
