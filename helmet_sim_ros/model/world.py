@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import mujoco
@@ -17,17 +17,18 @@ from helmet_sim_ros.model.force.contact import Contact
 from helmet_sim_ros.model.force.neck import CervicalSpine
 from helmet_sim_ros.model.force.spring import deepest, law_table, unloading_exponent
 from helmet_sim_ros.model.force.stops import Stops, joint_stops
+from helmet_sim_ros.model.headform import Headform
 from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.layout import Layout
 from helmet_sim_ros.model.placement import place
-from helmet_sim_ros.model.rider.anthropometry import anthropometry
+from helmet_sim_ros.model.rider.anthropometry import Segment, anthropometry
 from helmet_sim_ros.model.rider.body import BODY_CONTACT, add_body
 from helmet_sim_ros.model.rider.neck import cervical_spine, set_rest
 from helmet_sim_ros.model.rider.properties import Rider
 from helmet_sim_ros.model.setup import ImpactSetup
+from helmet_sim_ros.model.surface.compiled import Surface
 from helmet_sim_ros.model.surface.config import SurfaceConfig
 from helmet_sim_ros.model.surface.drawing import add_geoms
-from helmet_sim_ros.model.surface.compiled import Surface
 
 MAX_STEP = 5e-5  # s, largest integration step: peaks within 1 % (test_model_impact)
 MIN_STEP = 2e-6  # s; a shell so light or stiff that it needs less may diverge, and says so
@@ -94,7 +95,7 @@ def build(setup: ImpactSetup) -> World:
     steps = substeps(setup)
     parts = _parts(
         setup.rig, setup.rider, setup.helmet_config, setup.resolved_neck_flexion_deg,
-        setup.gravity, setup.time_step / steps, setup.surface_config,
+        setup.gravity, setup.time_step / steps, setup.surface_config, setup.headform,
     )  # fmt: skip
     surface = setup.surface_config.compiled(setup.friction)
     contact = parts.contact.fresh(len(surface.kind))
@@ -106,7 +107,7 @@ def build(setup: ImpactSetup) -> World:
 @lru_cache(maxsize=8)
 def _parts(
     rig: str, rider: Rider, helmet: Helmet, neck_flexion_deg: float, gravity: float, step: float,
-    surface: SurfaceConfig,
+    surface: SurfaceConfig, form: Headform | None,
 ) -> Parts:  # fmt: skip
     spec = _empty_world(gravity, step)
     add_geoms(spec, surface, GROUND_COLOR)
@@ -116,7 +117,7 @@ def _parts(
     else:
         head = spec.worldbody.add_body(name="head")
         head.add_freejoint(name="root")
-    segment = body.segments["head"]
+    segment = _head(rider, form)
     _rigid(head, segment.mass, [0.0, 0.0, 0.0], list(segment.inertia))
     _add_helmet(head, helmet)
     _add_sensors(spec, rig)
@@ -129,6 +130,14 @@ def _parts(
         joint_stops(model), cervical_spine(model, rider.neck), chains(model),
         _damped_diagonal(model), Layout(model),
     )  # fmt: skip
+
+
+def _head(rider: Rider, form: Headform | None) -> Segment:
+    """The rider's head, or what takes its place: at the same depth below the crown."""
+    own = anthropometry(rider).segments["head"]
+    if form is None:
+        return own
+    return replace(own, mass=form.mass.value, inertia=form.inertia.value)
 
 
 def _damped_diagonal(model: mujoco.MjModel) -> tuple[NDArray[np.int64], FloatArray]:
@@ -148,7 +157,7 @@ def substeps(setup: ImpactSetup) -> int:
     helmet = setup.helmet_config
     if helmet.coupling == "spring":
         shell, loss = helmet.shell, helmet.spring.energy_loss
-        head = anthropometry(setup.rider).segments["head"].mass
+        head = _head(setup.rider, setup.headform).mass
         energy = 0.5 * BODY_MARGIN * (head + helmet.mass) * setup.normal_velocity**2
         for scale, exponent in law_table(helmet.spring):
             depth, force = deepest(scale, exponent, energy)

@@ -10,8 +10,12 @@ import numpy as np
 from helmet_sim_ros.model.helmet import load_helmet
 from helmet_sim_ros.report.figures.drops import loops_figure
 from helmet_sim_ros.report.figures.save import save_figure
+from helmet_sim_ros.report.validation.experiments import experiments_section
 from helmet_sim_ros.report.validation.figures import NAMES, histories_figure, peaks_figure
+from helmet_sim_ros.report.validation.foam import foam_section
+from helmet_sim_ros.report.validation.table import table
 from helmet_sim_ros.study.validation.case import PUBLISHED, CaseResult, against_published, errors
+from helmet_sim_ros.study.validation.foam import load_foam_reference
 from helmet_sim_ros.study.validation.validate import PAPER_ERRORS, Validation
 
 HEAD = """# Validation
@@ -39,20 +43,14 @@ def write_validation(result: Validation, folder: Path) -> Path:
     save_figure(peaks_figure(result), figures / "drop_peaks.svg")
     save_figure(histories_figure(result.table), figures / "oblique_histories.svg")
     sections = [
-        HEAD, _summary(result), _drops(result), _oblique(result), _published(result),
-        _ratio_gap(result), _paper(result), _mass(result), _sensitivity(result), _numerics(result),
-        _cost(result), _limits(),
+        HEAD, _summary(result), experiments_section(result.experiments),
+        foam_section(load_foam_reference()), _drops(result),
+        _oblique(result), _published(result), _ratio_gap(result), _paper(result), _mass(result),
+        _sensitivity(result), _numerics(result), _cost(result), _limits(),
     ]  # fmt: skip
     path = folder / "validation.md"
     path.write_text("\n".join(sections), encoding="utf-8")
     return path
-
-
-def table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """A Markdown table."""
-    lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
-    lines += ["| " + " | ".join(str(cell) for cell in row) + " |" for row in rows]
-    return "\n".join(lines) + "\n"
 
 
 def _drop_errors(result: Validation, quantity: str) -> tuple[float, float]:

@@ -11,6 +11,8 @@ from helmet_sim_ros.model.setup import ImpactSetup
 from helmet_sim_ros.study.identification.drop_tests import SimulatedDrop, simulated_drops
 from helmet_sim_ros.study.scenario.matrix import load_scenario
 from helmet_sim_ros.study.validation.case import CaseResult, run_case
+from helmet_sim_ros.study.validation.experiments import load_experiments
+from helmet_sim_ros.study.validation.findings import Finding, findings
 
 FOAM = {"helmet.coupling": "foam"}
 SPRING = {"helmet.coupling": "spring"}
@@ -60,6 +62,7 @@ class Validation:
     paper: tuple[CaseResult, ...]
     refinement: tuple[Refinement, ...]
     sensitivity: tuple[tuple[str, tuple[CaseResult, ...]], ...]
+    experiments: tuple[Finding, ...]
 
 
 def validate(progress: Callable[[str], None] = lambda _: None) -> Validation:
@@ -79,7 +82,8 @@ def validate(progress: Callable[[str], None] = lambda _: None) -> Validation:
     refinement = tuple(_refined(oblique, drops))
     progress("sensitivity")
     sensitivity = tuple((words, tuple(_varied(changes))) for words, changes in VARIATIONS.items())
-    return Validation(drops, oblique, table, paper, refinement, sensitivity)
+    experiments = findings(load_experiments(), lambda what: progress(f"experiment {what}"))
+    return Validation(drops, oblique, table, paper, refinement, sensitivity, experiments)
 
 
 def _pairs(scenario: str) -> tuple[tuple[CaseResult, CaseResult], ...]:
