@@ -18,6 +18,7 @@ __all__ = [
     "open_log",
     "sweep",
     "optimise",
+    "certify",
     "ImpactRecord",
     "Evaluation",
 ]
@@ -31,7 +32,7 @@ __getattr__, __dir__ = lazy_names(
         "biomech.evaluation": ("evaluate", "Evaluation"),
         "biomech.record": ("ImpactRecord",),
         "mcap_log": ("open_log",),
-        "study": ("sweep", "optimise"),
+        "study": ("sweep", "optimise", "certify"),
         "version": ("__version__",),
     },
 )
