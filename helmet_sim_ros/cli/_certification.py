@@ -16,8 +16,10 @@ SHOWN = (
     ("hic_cfc1000", "HIC", ".0f", 1.0),
     ("peak_angular_acceleration_cfc1000", "krad/s2", ".1f", 1e-3),
     ("bric", "BrIC", ".2f", 1.0),
-    ("bottoming", "liner used", ".0%", 1.0),
+    ("dwell_150g_cfc1000", "ms>150g", ".1f", 1e3),
 )
+#: Shown even where the protocol does not limit them; all others only where it does.
+ALWAYS = ("peak_g_cfc1000",)
 
 
 def report(result: Certification, console: Console) -> None:
@@ -28,22 +30,26 @@ def report(result: Certification, console: Console) -> None:
         title=f"{result.campaign.helmet}: {protocol.title}", box=box.SIMPLE_HEAD,
         title_justify="left", pad_edge=False, padding=(0, 1, 0, 0),
     )  # fmt: skip
+    limited = {name for row in result.rows for name, c in row.criteria.items() if c.limit}
+    shown = [entry for entry in SHOWN if entry[0] in limited or entry[0] in ALWAYS]
     for header in ("test", "point", "anvil"):
-        table.add_column(header)
+        table.add_column(header, no_wrap=True)
     table.add_column("m/s", justify="right", no_wrap=True)
     table.add_column("hit", justify="right", no_wrap=True)
-    for _, header, _, _ in SHOWN:
+    for _, header, _, _ in shown:
         table.add_column(Text(header), justify="right", no_wrap=True)
+    table.add_column("strain", justify="right", no_wrap=True)
     table.add_column("margin", justify="right", no_wrap=True)
     table.add_column("verdict", no_wrap=True)
     for row in result.rows:
         cells = [
             format(row.criteria[name].value * factor, style) if name in row.criteria else ""
-            for name, _, style, factor in SHOWN
+            for name, _, style, factor in shown
         ]
         margin = "" if row.margin is None else f"{row.margin:.1%}"
         table.add_row(
-            row.test, row.point, row.anvil, f"{row.speed:g}", str(row.hit_number), *cells, margin,
+            row.test, row.point, row.anvil, f"{row.speed:g}", str(row.hit_number), *cells,
+            "" if row.strain is None else f"{row.strain:.2f}", margin,
             Text(row.verdict, style=VERDICT_STYLE.get(row.verdict, "")),
         )  # fmt: skip
     console.print(table)
@@ -54,7 +60,7 @@ def report(result: Certification, console: Console) -> None:
     if protocol.rating:
         console.print(protocol.rating, markup=False)
     worst = result.worst
-    text = Text(result.verdict.upper(), style=VERDICT_STYLE.get(result.verdict, ""))
+    verdict_text = Text(result.verdict.upper(), style=VERDICT_STYLE.get(result.verdict, ""))
     if worst is not None:
-        text.append(f"  worst margin {worst.margin:.1%}: {worst.hit.name}, {worst.closest}")
-    console.print(text)
+        verdict_text.append(f"  worst margin {worst.margin:.1%}: {worst.hit.name}, {worst.closest}")
+    console.print(verdict_text)

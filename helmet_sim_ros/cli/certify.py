@@ -45,9 +45,7 @@ def command(
     from helmet_sim_ros.study.scenario.overrides import parse_overrides
 
     console = Console(highlight=False)
-    campaign = make_campaign(
-        helmet, protocol, load_protocol(protocol), parse_overrides(overrides)
-    )
+    campaign = make_campaign(helmet, protocol, load_protocol(protocol), parse_overrides(overrides))
     if scenario is not None:
         from helmet_sim_ros.report.certification.tables import to_scenario
 

@@ -25,7 +25,9 @@ class ShellMaterial(Config):
 
     name: str = Field("", description="what it is, and where its values come from")
     thickness: float = quantity("thickness", "m", 0.0, ge=0.0, le=0.01)
-    modulus: float = quantity("flexural modulus; 0: no bending stiffness", "Pa", 0.0, ge=0.0, le=3e11)
+    modulus: float = quantity(
+        "flexural modulus; 0: no bending stiffness", "Pa", 0.0, ge=0.0, le=3e11
+    )
     poisson: float = quantity("Poisson ratio", "-", 0.3, ge=0.0, le=0.49)
     strength: float = quantity("flexural strength or yield stress", "Pa", 1e8, ge=1e6, le=5e9)
 

@@ -32,14 +32,15 @@ class ImpactSetup(Config):
 
     rig: Rig = Field(
         "rider",
-        description="whole rider; head and helmet alone, in free fall; or on a monorail, which does "
-        "not let the head turn",
+        description="whole rider; head and helmet alone, in free fall; or on a monorail, which "
+        "does not let the head turn",
     )
     direction: Direction = Field(
         "left", description="part of the helmet that strikes the surface (side = left)"
     )
     azimuth_deg: float | None = quantity(
-        "without a rider: where around the head it is struck, 0 front, 90 left; unset: as direction",
+        "without a rider: where around the head it is struck, 0 front, 90 left; unset: as "
+        "direction",
         "deg", None, ge=-180.0, le=180.0,
     )  # fmt: skip
     elevation_deg: float | None = quantity(

@@ -72,6 +72,10 @@ MASS = 0.5
 QUIET, SLOW = 5e3, 3e-4
 DAMPING = 0.2  # of the fastest bending mode; the foam damps all slow ones
 
+#: What is kept of each column: place in the tangent plane and height over it [m], cosine of its
+#: normal to the plane's, rate of the height [m/s], and the force that it has now [N].
+U, V, HEIGHT, COSINE, RATE, PUSHED = range(6)
+
 
 class Plate(NamedTuple):
     """The shell of one helmet in one impact.
@@ -90,8 +94,7 @@ class Plate(NamedTuple):
         anvil, friction: height of what lies below and its friction, (n, n); state.
         bent: moments xx, yy and xy over D, (3, n, n); working memory.
         pressed: force of the foam on each node, (n, n) [N]; working memory.
-        columns: of each column x, y and height over the plane, cosine to the normal, tilted half
-            span as :func:`.liner.part_below` wants it, rate of height and stress; (columns, 7).
+        columns: of each column, see ``U`` to ``PUSHED``; (columns, 6).
     """
 
     stiffness: float
@@ -131,14 +134,16 @@ def plate(helmet: Helmet, liner: CrushingLiner) -> Plate:
         longest = SHARE * 2.0 / fastest * (math.hypot(1.0, DAMPING) - DAMPING)
     grid = (n, n)
     plane = Surface(
-        np.array([HALF_SPACE]), np.zeros((1, 3)), np.zeros((1, 9)), np.zeros((1, SIZES)), np.zeros(1)
+        np.array([HALF_SPACE]),
+        np.zeros((1, 3)),
+        np.zeros((1, 9)),
+        np.zeros((1, SIZES)),
+        np.zeros(1),
     )
     return Plate(
-        stiffness if count else 0.0, material.poisson, material.strongest_curvature, lag,
-        longest, cell, np.zeros(1, dtype=np.int64), plane, np.zeros(12), np.zeros(grid), np.zeros(grid),
-        np.zeros(grid),
-        np.zeros(grid), np.zeros(grid), np.zeros((3, n, n)), np.zeros(grid),
-        np.zeros((count, 7)),
+        stiffness if count else 0.0, material.poisson, material.strongest_curvature, lag, longest,
+        cell, np.zeros(1, dtype=np.int64), plane, np.zeros(12), *(np.zeros(grid) for _ in range(5)),
+        np.zeros((3, n, n)), np.zeros(grid), np.zeros((count, PUSHED + 1)),
     )  # fmt: skip
 
 
@@ -232,7 +237,6 @@ def follow(plate: Plate, liner: CrushingLiner, surface: Surface, motion: Motion)
     """Move the grid by whole cells so that the lowest point of the helmet stays near its middle."""
     helmet = rigid(motion, liner.helmet)
     f, cell = plate.frame, plate.cell
-    normal = (f[9], f[10], f[11])
     r = helmet.rotation
     d = (
         -(r[0] * f[9] + r[3] * f[10] + r[6] * f[11]),
@@ -250,7 +254,7 @@ def follow(plate: Plate, liner: CrushingLiner, surface: Surface, motion: Motion)
     du, dv = dot(off, (f[3], f[4], f[5])), dot(off, (f[6], f[7], f[8]))
     if abs(du) <= SLACK * cell and abs(dv) <= SLACK * cell:
         return
-    si, sj = int(round(du / cell)), int(round(dv / cell))
+    si, sj = round(du / cell), round(dv / cell)
     for k in range(3):
         f[k] += cell * (si * f[3 + k] + sj * f[6 + k])
     n = len(plate.height)
@@ -345,12 +349,12 @@ def on_plate(plate: Plate, u: float, v: float) -> tuple[int, int, float, float, 
     there is one."""
     n, middle = len(plate.height), (len(plate.height) - 1) // 2
     x, y = u / plate.cell + middle, v / plate.cell + middle
-    i, j = int(math.floor(x)), int(math.floor(y))
+    i, j = math.floor(x), math.floor(y)
     return i, j, x - i, y - j, 0 <= i < n - 1 and 0 <= j < n - 1
 
 
 @compiled
-def press(plate: Plate, liner: CrushingLiner, early: float, last: bool) -> None:
+def press(plate: Plate, liner: CrushingLiner, early: float) -> None:
     """Forces of the foam on the plate, ``early`` seconds before the step ends."""
     _, _, areas, thicknesses, radii, foams = liner.columns
     listed, state, z, pressed = liner.near.index, plate.columns, plate.height, plate.pressed
@@ -358,8 +362,9 @@ def press(plate: Plate, liner: CrushingLiner, early: float, last: bool) -> None:
     pressed[:] = 0.0
     for n in range(listed[-1]):
         c = listed[n]
-        u, v, height, cosine, sine, rate = state[c, 0], state[c, 1], state[c, 2], state[c, 3], state[c, 4], state[c, 5]  # noqa: E501
-        state[c, 6] = 0.0
+        u, v, height = state[c, U], state[c, V], state[c, HEIGHT]
+        cosine, rate = state[c, COSINE], state[c, RATE]
+        state[c, PUSHED] = 0.0
         if cosine <= 0.0:
             continue
         i, j, a, b, inside = on_plate(plate, u, v)
@@ -376,7 +381,7 @@ def press(plate: Plate, liner: CrushingLiner, early: float, last: bool) -> None:
         if stress <= 0.0:
             continue
         force = stress * areas[c] * share * cosine
-        state[c, 6] = force
+        state[c, PUSHED] = force
         pressed[i, j] += q * force
         pressed[i + 1, j] += r * force
         pressed[i, j + 1] += s * force
@@ -415,27 +420,27 @@ def apply(
         c = listed[n]
         point = world_point(helmet, row(points, c))
         off = sub(point, origin)
-        state[c, 0], state[c, 1], state[c, 2] = dot(off, ex), dot(off, ey), dot(off, up)
-        state[c, 3] = -dot(up, turned(helmet.rotation, row(normals, c)))
-        state[c, 5] = dot(velocity_at(helmet, point), up)
-    count = int(math.ceil(step / plate.longest))
+        state[c, U], state[c, V], state[c, HEIGHT] = dot(off, ex), dot(off, ey), dot(off, up)
+        state[c, COSINE] = -dot(up, turned(helmet.rotation, row(normals, c)))
+        state[c, RATE] = dot(velocity_at(helmet, point), up)
+    count = math.ceil(step / plate.longest)
     part = step / count
     for k in range(count):
-        press(plate, liner, step - (k + 1) * part, False)
+        press(plate, liner, step - (k + 1) * part)
         move(plate, part)
-    press(plate, liner, 0.0, True)
+    press(plate, liner, 0.0)
     total, moment, friction = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for n in range(listed[-1]):
         c = listed[n]
-        pushed, stick = state[c, 6], sticks[c]
+        pushed, stick = state[c, PUSHED], sticks[c]
         if pushed <= 0.0:
             stick[0] = stick[1] = stick[2] = 0.0
             continue
-        i, j, _, _, _ = on_plate(plate, state[c, 0], state[c, 1])
+        i, j, _, _, _ = on_plate(plate, state[c, U], state[c, V])
         point = world_point(helmet, row(points, c))
         slip = across(velocity_at(helmet, point), up)
         shear = loading_stress(largest[c], foams[c]) / largest[c] / (2.0 * (1.0 + POISSON))
-        shear *= liner.columns.area[c] * state[c, 3] / liner.columns.thickness[c]
+        shear *= liner.columns.area[c] * state[c, COSINE] / liner.columns.thickness[c]
         rubbed = friction_force(
             shear, RELAXATION, plate.friction[i, j] * pushed, slip, up, step, stick
         )

@@ -102,9 +102,7 @@ def _shown(number: int, row: Row, result: Certification) -> dict[str, object]:
         if limit is not None:
             label = f"limit {limit * 1e-3:g}"
             curves.append(Curve(ends, np.full(2, limit * 1e-3), "law", label))
-        panels.append(
-            panel("Angular acceleration of the head", "time [ms]", "[krad/s^2]", curves)
-        )
+        panels.append(panel("Angular acceleration of the head", "time [ms]", "[krad/s^2]", curves))
     if row.crush is not None and result.column_position is not None:
         found = crush_map(row.crush, result.column_position)
         if found is not None:

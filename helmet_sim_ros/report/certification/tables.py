@@ -14,7 +14,8 @@ from helmet_sim_ros.study.certification.certify import CRITERIA, Certification, 
 from helmet_sim_ros.version import __version__
 
 COLUMNS = ("test", "point", "anvil", "hit", "speed_m_s", "normal_velocity_m_s",
-           "tangential_velocity_m_s", "verdict", "margin", "closest", *CRITERIA, "notes")  # fmt: skip
+           "tangential_velocity_m_s", "verdict", "margin", "closest", *CRITERIA,
+           "largest_strain", "notes")  # fmt: skip
 
 
 def as_dict(result: Certification) -> dict[str, Any]:
@@ -54,6 +55,7 @@ def _row(row: Row) -> dict[str, Any]:
         "azimuth_deg": row.site_deg[0],
         "elevation_deg": row.site_deg[1],
         "values": dict(row.hit.values),
+        "largest_strain": row.strain,
         "evaluation": row.evaluation.as_dict(),
         "notes": list(row.notes),
     }
@@ -77,7 +79,7 @@ def to_csv(result: Certification) -> str:
                 row.tangential_velocity, row.verdict,
                 "" if row.margin is None else f"{row.margin:.6g}", row.closest or "",
                 *(f"{found[name].value:.8g}" if name in found else "" for name in CRITERIA),
-                "; ".join(row.notes),
+                "" if row.strain is None else f"{row.strain:.6g}", "; ".join(row.notes),
             ]
         )  # fmt: skip
     return text.getvalue()

@@ -183,5 +183,5 @@ def _check_size(helmet: str, changes: Mapping[str, object], headform: str) -> No
         raise SetupError.of(
             "headform", headform,
             f"is {form.circumference.value * 1e3:.0f} mm around, the liner of {helmet} only "
-            f"{inside * 1e3:.0f} mm: too small for it; choose a smaller headform or a larger helmet",
+            f"{inside * 1e3:.0f} mm: too small for it; choose a smaller headform or larger helmet",
         )  # fmt: skip

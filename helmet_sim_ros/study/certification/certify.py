@@ -26,7 +26,7 @@ DISCLAIMER = (
 )
 #: Computed beside what the limits need.
 CRITERIA = ("peak_g", "peak_g_cfc1000", "hic_cfc1000", "peak_angular_acceleration_cfc1000",
-            "peak_angular_velocity", "bric", "peak_compression", "bottoming")  # fmt: skip
+            "peak_angular_velocity", "bric", "peak_compression")  # fmt: skip
 STANDARD_GRAVITY = 9.80665  # m/s^2
 
 Verdict = Literal["pass", "fail", "info"]
@@ -48,6 +48,7 @@ class Row:
         acceleration: resultant of the head (n,) [g].
         angular_acceleration: resultant of the head (n,) [rad/s^2].
         crush: residual crush of each foam column (m,) [m]; None for a spring helmet.
+        strain: largest strain of any column, 1: crushed to nothing [-]; None for a spring helmet.
         notes: of the simulation.
     """
 
@@ -60,6 +61,7 @@ class Row:
     acceleration: FloatArray
     angular_acceleration: FloatArray
     crush: FloatArray | None
+    strain: float | None
     notes: tuple[str, ...]
 
     @property
@@ -231,7 +233,9 @@ def _judged(hit: Hit, record: ImpactRecord) -> Row:
         margin = margins[closest]
     linear = np.linalg.norm(record.head_acceleration, axis=1) / STANDARD_GRAVITY
     turning = np.linalg.norm(record.head_angular_acceleration, axis=1)
+    crush = record.extras.get("crush")
     return Row(
         hit, evaluation, margin, closest, site_deg(hit.setup), record.time, linear, turning,
-        record.extras.get("residual_crush"), tuple(record.extras["notes"]),
+        record.extras.get("residual_crush"), None if crush is None else float(crush.max()),
+        tuple(record.extras["notes"]),
     )  # fmt: skip
