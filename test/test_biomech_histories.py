@@ -126,6 +126,11 @@ def test_records_are_rated_by_channel_whatever_their_step_and_length() -> None:
     other = simulate(setup.replaced({"normal_velocity": 7.0}))
     assert channel_rating(coarse, fine).total > 0.99
     assert channel_rating(coarse, other).total < channel_rating(coarse, fine).total - 0.05
+    changed = coarse.head_acceleration.copy()
+    changed[coarse.time > 0.02] = 0.0  # after the interval that is compared
+    later = replace(coarse, head_acceleration=changed)
+    assert channel_rating(coarse, later, duration=0.015).total > 0.99
+    assert channel_rating(coarse, later).total < channel_rating(coarse, later, duration=0.015).total
     with pytest.raises(PulseError, match="head_acceleration"):
         channel_rating(coarse, fine, "head_jerk")
     with pytest.raises(PulseError, match="constant"):

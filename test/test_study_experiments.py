@@ -180,6 +180,14 @@ class TestFindings:
         (found,) = findings([experiment(**given, common={"impact.normal_velocity": 4.0})])
         assert "no peak_g/FE" in found.problem and not found.accepted
 
+    def test_the_crush_of_a_liner_is_its_largest_strain_times_its_thickness(self) -> None:
+        crush = value(criterion="liner_crush", unit="m", over="each")
+        (found,) = findings([experiment(values=[crush])])
+        assert all(0.005 < ours < 0.044 for ours in found.ours)
+        spring = DROPS["common"] | {"helmet.coupling": "spring"}
+        (found,) = findings([experiment(values=[crush], common=spring)])
+        assert "not of a foam helmet" in found.problem
+
     def test_what_cannot_be_run_is_told_and_the_others_go_on(self) -> None:
         unknown = experiment(common={"helmet.nonsense": 1.0})
         bad, good = findings([unknown, experiment()])

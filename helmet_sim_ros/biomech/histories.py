@@ -119,19 +119,27 @@ def rating(reference: ArrayLike, history: ArrayLike) -> Rating:
 
 
 def channel_rating(
-    reference: ImpactRecord, record: ImpactRecord, channel: str = "head_acceleration"
+    reference: ImpactRecord,
+    record: ImpactRecord,
+    channel: str = "head_acceleration",
+    duration: float = math.inf,
 ) -> Rating:
     """The rating of one channel of a record against that of another.
 
-    The resultants (CFC 1000 of each component) are compared at 10 kHz, from the first touch to the
-    end of the shorter record.
+    The resultants (CFC 1000 of each component) are compared at 10 kHz, from the first touch on.
+
+    Args:
+        reference: what the rating is against.
+        record: what is rated.
+        channel: a vector of the record.
+        duration: interval that is compared, at most the shorter record [s].
 
     Raises:
         PulseError: unknown channel, or the channels cannot be rated (see :func:`rating`).
     """
     if channel not in CHANNELS:
         raise PulseError(f"channel = {channel!r}: must be one of {', '.join(CHANNELS)}")
-    end = min(float(r.time[-1] - r.time[0]) for r in (reference, record))
+    end = min(duration, *(float(r.time[-1] - r.time[0]) for r in (reference, record)))
     grid = np.arange(math.floor(end / RATED_STEP + 1e-6) + 1) * RATED_STEP
     curves = []
     for one in (reference, record):

@@ -12,6 +12,7 @@ from helmet_sim_ros.errors import Problem, SetupError
 from helmet_sim_ros.model.head_surface import Head, HeadSurface, load_head_surface
 from helmet_sim_ros.model.headform import Headform, load_headform
 from helmet_sim_ros.model.helmet import Helmet, load_helmet
+from helmet_sim_ros.model.forms import worn
 from helmet_sim_ros.model.rider.properties import RETIRED, Rider, refuse_retired
 from helmet_sim_ros.model.surface.config import SurfaceConfig, load_surface
 from helmet_sim_ros.schema import Config, leaf_values, leaves, quantity
@@ -138,7 +139,7 @@ class ImpactSetup(Config):
         prefix = "helmet."
         changes = {k[len(prefix) :]: v for k, v in self.overrides.items() if k.startswith(prefix)}
         try:
-            return load_helmet(self.helmet).replaced(changes)  # type: ignore[no-any-return]
+            return worn(load_helmet(self.helmet), changes)
         except SetupError as error:
             if error.source:  # the helmet file itself is bad
                 raise

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 from helmet_sim_ros.biomech.evaluation import evaluate
-from helmet_sim_ros.errors import DivergedError, SetupError
+from helmet_sim_ros.errors import HelmetSimError, SetupError
 from helmet_sim_ros.model.impact import simulate
 from helmet_sim_ros.model.setup import ImpactSetup
 from helmet_sim_ros.study.scenario.matrix import Case
@@ -77,7 +77,7 @@ def findings(
         progress(f"{experiment.id}: {experiment.title}")
         try:
             found += _findings(experiment, known)
-        except (SetupError, DivergedError) as error:
+        except HelmetSimError as error:
             found += [Finding(experiment, value, problem=str(error)) for value in experiment.values]
     return tuple(found)
 

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from helmet_sim_ros.biomech.record import ImpactRecord
+from helmet_sim_ros.errors import PulseError
 
 
 class Quantity(NamedTuple):
@@ -47,6 +48,19 @@ def neck_share(record: ImpactRecord) -> float:
     return float(-force @ acceleration / size**2)
 
 
+def liner_crush(record: ImpactRecord) -> float:
+    """Largest crush of the foam liner [m]: the largest strain of its columns in this and earlier
+    impacts, times the liner's thickness (of a liner that is the same all over).
+
+    Raises:
+        PulseError: the record is not of a foam helmet.
+    """
+    if "crush" not in record.extras:
+        raise PulseError("liner_crush: this record is not of a foam helmet")
+    strain = float(np.max(record.extras["crush"], initial=0.0))
+    return strain * float(record.setup["helmet.liner.thickness"])
+
+
 def _peak(record: ImpactRecord) -> int:
     return int(np.linalg.norm(record.head_acceleration, axis=1).argmax())
 
@@ -57,6 +71,7 @@ QUANTITIES: Mapping[str, Quantity] = {
         "N", "neck force at the peak of the head acceleration", neck_force_at_peak
     ),
     "helmet_head_force": Quantity("N", "largest force of helmet on head", helmet_head_force),
+    "liner_crush": Quantity("m", "largest crush of the liner", liner_crush),
     "effective_mass": Quantity("kg", "ground force over head acceleration", effective_mass),
     "neck_share": Quantity("kg", "mass that the neck adds to the head", neck_share),
 }
