@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from helmet_sim_ros.errors import SetupError
-from helmet_sim_ros.model.headform import load_headform
 from helmet_sim_ros.model.helmet import Helmet, load_helmet
 from helmet_sim_ros.model.setup import ImpactSetup, setup_from_names
 from helmet_sim_ros.model.surface.config import load_surface
@@ -93,7 +92,6 @@ def make_campaign(
     changes = dict(overrides or {})
     sites: list[tuple[Hit, ...]] = []
     for test in protocol.tests:
-        _check_size(helmet, changes, test.headform or protocol.headform)
         for number in test.speeds:
             for anvil in test.anvils:
                 for point in test.points:
@@ -103,6 +101,8 @@ def make_campaign(
                             for k in range(1, test.hits + 1)
                         )
                     )
+    for site in sites:
+        _check_size(helmet, site[0].setup)
     own = load_helmet(helmet)
     notes = [f"{test.name}: {test.note}" for test in protocol.tests if test.note]
     coupling = sites[0][0].setup.helmet_config.coupling
@@ -134,7 +134,7 @@ def _hit(
         heading = test.heading_deg
     values: dict[str, object] = {
         "helmet.name": helmet,
-        "helmet.coupling": "foam",
+        "helmet.coupling": usual_form(helmet),
         "impact.rig": test.rig or protocol.rig,
         "impact.surface": anvil,
         "impact.azimuth_deg": where.azimuth_deg,
@@ -148,6 +148,13 @@ def _hit(
     }
     setup = setup_from_names(values)
     return Hit(test.name, point, anvil, number, speed, test.standard, values, setup)
+
+
+def usual_form(helmet: str) -> str:
+    """The form in which a helmet is certified: ``foam``, unless its file gives its own spring."""
+    own = load_helmet(helmet)
+    given = own.coupling == "spring" and not own.spring.identified
+    return "spring" if given else "foam"
 
 
 def along_anvil(anvil: str, speed: float) -> tuple[float, float, float]:
@@ -173,15 +180,13 @@ def inner_circumference(helmet: Helmet) -> float:
     return math.pi * (3.0 * (a + b) - root)
 
 
-def _check_size(helmet: str, changes: Mapping[str, object], headform: str) -> None:
+def _check_size(helmet: str, setup: ImpactSetup) -> None:
     """Refuse a headform that does not go into the helmet even with the padding pressed flat."""
-    form = load_headform(str(changes.get("head.form", headform)))
-    own = {k.removeprefix("helmet."): v for k, v in changes.items()
-           if k.startswith("helmet.") and k != "helmet.name"}  # fmt: skip
-    inside = inner_circumference(load_helmet(helmet).replaced(own))
-    if form.circumference is not None and form.circumference.value > inside:
-        raise SetupError.of(
-            "headform", headform,
-            f"is {form.circumference.value * 1e3:.0f} mm around, the liner of {helmet} only "
-            f"{inside * 1e3:.0f} mm: too small for it; choose a smaller headform or larger helmet",
-        )  # fmt: skip
+    form, inside = setup.headform, inner_circumference(setup.helmet_config)
+    if form is None or form.circumference is None or form.circumference.value <= inside:
+        return
+    raise SetupError.of(
+        "headform", setup.head.form,
+        f"is {form.circumference.value * 1e3:.0f} mm around, the liner of {helmet} only "
+        f"{inside * 1e3:.0f} mm: too small for it; choose a smaller headform or a larger helmet",
+    )  # fmt: skip
