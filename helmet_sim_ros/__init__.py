@@ -19,6 +19,7 @@ __all__ = [
     "compare",
     "sweep",
     "optimise",
+    "certify",
     "ImpactRecord",
     "Evaluation",
 ]
@@ -33,7 +34,7 @@ __getattr__, __dir__ = lazy_names(
         "biomech.record": ("ImpactRecord",),
         "mcap_log": ("open_log",),
         "present.comparison": ("compare",),
-        "study": ("sweep", "optimise"),
+        "study": ("sweep", "optimise", "certify"),
         "version": ("__version__",),
     },
 )

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.model.compiled import compiled, inlined
-from helmet_sim_ros.model.force import contact, fit, liner, neck, spring, stops
+from helmet_sim_ros.model.force import contact, fit, liner, neck, shell, spring, stops
 from helmet_sim_ros.model.force.bodies import (
     Chains,
     Loads,
@@ -107,6 +107,7 @@ class Forces(NamedTuple):
     neck: neck.CervicalSpine
     contact: contact.Contact
     liner: liner.CrushingLiner
+    shell: shell.Plate
     fit: fit.Fit
 
 
@@ -190,8 +191,9 @@ def advance(
     model, data, step = engine.model, engine.data, clock.step
     mass, diagonal, damping = engine.mass, engine.diagonal, engine.damping
     acceleration, qpos, qvel = engine.acceleration, motion.qpos, motion.qvel
-    struck, sprung, stopped, necked, touching, crushing, fitted = forces
+    struck, sprung, stopped, necked, touching, crushing, plate, fitted = forces
     foam = len(crushing.columns.area) > 0
+    bends = shell.spreads(plate, struck)
     damped = damping.any()
     for i in range(first, last):
         for substep in range(clock.substeps):
@@ -206,7 +208,10 @@ def advance(
             contact.apply(touching, struck, step, motion, loads)
             fit.apply(fitted, step, motion, loads)
             if foam:
-                liner.apply(crushing, struck, step, motion, loads)
+                if bends:
+                    shell.apply(plate, crushing, struck, step, motion, loads)
+                else:
+                    liner.apply(crushing, struck, step, motion, loads)
             else:
                 spring.apply(sprung, motion, loads)
             add_generalised(motion, loads, engine.chains)

@@ -17,7 +17,7 @@ from helmet_sim_ros.model.rider.properties import RETIRED, Rider, refuse_retired
 from helmet_sim_ros.model.surface.config import SurfaceConfig, load_surface
 from helmet_sim_ros.schema import Config, leaf_values, leaves, quantity
 
-Rig = Literal["rider", "headform"]
+Rig = Literal["rider", "headform", "monorail"]
 Direction = Literal["front", "back", "left", "right", "top"]
 
 #: Flexion of the neck that the rider reaches [deg] (facts: flexion 50 to 60 deg).
@@ -31,10 +31,23 @@ class ImpactSetup(Config):
         SetupError: any refused value, named with its key and the allowed range.
     """
 
-    rig: Rig = Field("rider", description="whole rider, or head and helmet alone")
+    rig: Rig = Field(
+        "rider",
+        description="whole rider; head and helmet alone, in free fall; or on a monorail, which "
+        "does not let the head turn",
+    )
     direction: Direction = Field(
         "left", description="part of the helmet that strikes the surface (side = left)"
     )
+    azimuth_deg: float | None = quantity(
+        "without a rider: where around the head it is struck, 0 front, 90 left; unset: as "
+        "direction",
+        "deg", None, ge=-180.0, le=180.0,
+    )  # fmt: skip
+    elevation_deg: float | None = quantity(
+        "without a rider: how high on the head it is struck, 90 is the crown; unset: as direction",
+        "deg", None, ge=-90.0, le=90.0,
+    )  # fmt: skip
     normal_velocity: float = quantity(
         "speed into the surface at first touch", "m/s", 5.0, gt=0.0, le=30.0
     )
@@ -93,6 +106,13 @@ class ImpactSetup(Config):
             raise SetupError.of("duration", self.duration, "must be at least 10 time steps")
         if self.headform is not None:
             self._refuse_two_heads()
+        for key in ("azimuth_deg", "elevation_deg"):
+            if self.rig == "rider" and getattr(self, key) is not None:
+                raise SetupError.of(
+                    key, getattr(self, key),
+                    "must be unset for rig rider: direction, body_angle_deg and neck_flexion_deg "
+                    "place the head",
+                )  # fmt: skip
         # Refuse a bad file now, not when it runs.
         _ = self.helmet_config, self.surface_config, self.head_surface
         return self
