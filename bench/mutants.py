@@ -26,7 +26,7 @@ PACKAGE = "helmet_sim_ros"
 #: Beginning of a module's path in the package -> the tests that are its own, most likely first.
 TESTS = {
     "biomech/": ["test_biomech_*.py"],
-    "mcap_log/": ["test_log_*.py", "test_review_reading.py", "test_recover.py",
+    "mcap_log/": ["test_log_[bpw]*.py", "test_review_reading.py", "test_recover.py",
                   "test_properties.py"],
     "yaml_file.py": ["test_yaml_file.py", "test_properties.py"],
     "schema.py": ["test_properties.py", "test_scenario.py", "test_biomech_standards.py"],
@@ -130,12 +130,12 @@ def _change(node: ast.AST) -> None:
         node.value = ast.Constant(None)
 
 
-def tests_of(module: Path) -> list[str]:
-    """The test files of a module, empty where it has none of its own."""
+def tests_of(root: Path, module: Path) -> list[str]:
+    """The test files of a module in a copy, empty where it has none of its own."""
     inside = module.relative_to(PACKAGE).as_posix()
     for beginning, patterns in TESTS.items():
         if inside.startswith(beginning):
-            found = [path for pattern in patterns for path in sorted((ROOT / "test").glob(pattern))]
+            found = [path for pattern in patterns for path in sorted((root / "test").glob(pattern))]
             # Those that name the module come first: most mutants die in them.
             found.sort(key=lambda path: module.stem not in path.read_text(encoding="utf-8"))
             return [f"test/{path.name}" for path in found]
@@ -170,14 +170,14 @@ def main(count: int, seed: int, only: tuple[str, ...]) -> None:
             (shutil.copytree if source.is_dir() else shutil.copy)(source, root / name)
         modules = [path.relative_to(root) for path in sorted((root / PACKAGE).rglob("*.py"))]
         wanted = tuple(f"{PACKAGE}/{prefix}" for prefix in only or TESTS)
-        modules = [m for m in modules if m.as_posix().startswith(wanted) and tests_of(m)]
+        modules = [m for m in modules if m.as_posix().startswith(wanted) and tests_of(root, m)]
         pool = [mutant for module in modules for mutant in mutants_of(root, module)]
         chosen = random.Random(seed).sample(pool, min(count, len(pool)))
         click.echo(f"seed {seed}: {len(chosen)} of {len(pool)} mutants of {len(modules)} modules")
         usual: dict[tuple[str, ...], float] = {}
         survivors = []
         for number, mutant in enumerate(chosen, 1):
-            tests = tests_of(mutant.module)
+            tests = tests_of(root, mutant.module)
             if tuple(tests) not in usual:
                 began = time.monotonic()
                 if not passes(root, tests):

@@ -115,6 +115,9 @@ def test_what_overflowed_is_refused_by_name() -> None:
         positive("window", 10**400)
     with pytest.raises(PulseError, match="coupling_force has 3"):
         helmet.coupling_energy(np.ones((3, 3)), np.ones((2, 3)))
+    for action in (neck.neck_loads, rotation.ubric):
+        with pytest.raises(PulseError, match=r"2 samples, .* has 3"):
+            action(np.ones((3, 3)), np.ones((2, 3)))
     with pytest.raises(PulseError, match="critical"):
         rotation.bric(np.ones((3, 3)), ["mps"])
     with pytest.raises(PulseError, match="level"):

@@ -158,6 +158,14 @@ def test_a_header_with_other_types_or_beyond_all_bounds_is_refused(change: dict)
         parse_block(json.dumps(header), "time,x", [0.0, 1.0])
 
 
+def test_the_largest_values_of_a_header_are_taken() -> None:
+    largest = {"impact_id": "é" * 200, "first": 10**8 - 1, "total": 10**8, "start_time": 2**31 - 1}
+    assert parse_block(json.dumps(largest), "time", [0.0]).start_time == 2**31 - 1
+    for key, beyond in (("impact_id", "é" * 201), ("total", 10**8 + 1), ("start_time", 2**31)):
+        with pytest.raises(IncompleteError):
+            parse_block(json.dumps(largest | {key: beyond}), "time", [0.0])
+
+
 def test_headers_and_labels_that_would_raise_anything_are_refused() -> None:
     good = json.dumps({"impact_id": "a", "first": 0, "total": 1, "start_time": 1.0})
     cases = [("[" * 100_000, "time", [0.0]), ("1" * 5000, "time", [0.0]), (good, "a,a", [0.0, 0.0]),

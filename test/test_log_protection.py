@@ -3,24 +3,31 @@
 from __future__ import annotations
 
 import json
+import resource
+import struct
 import zlib
 from collections.abc import Callable
+from io import BytesIO
 from pathlib import Path
 
+import lz4.frame
 import pytest
+import zstandard
 
 pytest.importorskip("rclpy", reason="logs for tests are written by the recorder's session")
 
 from logs import FIRST_START, SPACING, add_impact, session, simulated
+from mcap.exceptions import McapError
 from mcap.reader import make_reader
 from mcap.records import Attachment, Channel, Header, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
-from mcap.writer import Writer
+from mcap.writer import CompressionType, Writer
 
 from helmet_sim_ros import ImpactSetup, evaluate, open_log
 from helmet_sim_ros.biomech.record import same_samples
 from helmet_sim_ros.errors import LogError
 from helmet_sim_ros.mcap_log.layout import FORMAT_KEY, TYPE_HASHES
+from helmet_sim_ros.mcap_log.records import read_chunk
 from helmet_sim_ros.mcap_log.recover import recover
 from helmet_sim_ros.mcap_log.schemas import type_hash
 from helmet_sim_ros.mcap_log.seal import SEAL, sealed, unsealed
@@ -161,10 +168,16 @@ def test_definitions_with_other_fields_are_refused(path: Path, tmp_path: Path) -
         _ = log[0].logged
 
 
-def rewritten(source: Path, target: Path, change: Callable, seal: bool = True) -> Path:
+def rewritten(
+    source: Path,
+    target: Path,
+    change: Callable,
+    seal: bool = True,
+    compression: CompressionType = CompressionType.ZSTD,
+) -> Path:
     """A sound file of the same records, each changed; sealed again, unless it is to be older."""
     with open(source, "rb") as stream, open(target, "wb") as output:
-        writer = Writer(output)
+        writer = Writer(output, compression=compression)
         for record in StreamReader(stream).records:
             record = change(record)
             if isinstance(record, Header):
@@ -251,6 +264,40 @@ def test_a_log_of_a_later_format_is_refused_as_such(path: Path, tmp_path: Path) 
 
         with pytest.raises(LogError, match="is not a number"):
             open_log(rewritten(path, tmp_path / "a.mcap", odd))
+
+
+@pytest.mark.parametrize("compression", [CompressionType.LZ4, CompressionType.NONE])
+def test_chunks_of_every_compression_are_read_and_checked(written, tmp_path, compression) -> None:
+    path, records = written
+    other = rewritten(path, tmp_path / "a.mcap", lambda r: r, compression=compression)
+    log = open_log(other)
+    assert [same_samples(i.record, r) for i, r in zip(log, records, strict=True)] == [True, True]
+    with open(other, "rb") as stream:
+        chunk = make_reader(stream).get_summary().chunk_indexes[0]
+    bad = damaged(other, tmp_path / "bad.mcap", chunk.chunk_start_offset + chunk.chunk_length // 2)
+    with pytest.raises(LogError, match=f"chunk at offset {chunk.chunk_start_offset}"):
+        _ = open_log(bad)[0].record
+
+
+@pytest.mark.parametrize("claimed", [1000, 2**26 + 1, 2**40])
+@pytest.mark.parametrize("compression", ["zstd", "lz4"])
+def test_a_chunk_that_unpacks_to_more_than_it_may_is_refused(claimed, compression) -> None:
+    """400 MB of zeros in a few kilobytes or megabytes, under whatever size it claims."""
+    if compression == "zstd":
+        packer = zstandard.ZstdCompressor().compressobj()
+        packed = b"".join(packer.compress(bytes(2**20)) for _ in range(400)) + packer.flush()
+    else:
+        lz4_packer = lz4.frame.LZ4FrameCompressor()
+        packed = lz4_packer.begin()
+        packed += b"".join(lz4_packer.compress(bytes(2**20)) for _ in range(400))
+        packed += lz4_packer.flush()
+    head = struct.pack("<QQQII", 0, 0, claimed, 1, len(compression)) + compression.encode()
+    content = head + struct.pack("<Q", len(packed)) + packed
+    stream = BytesIO(struct.pack("<BQ", 6, len(content)) + content)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with pytest.raises(McapError, match="chunk at offset 0 cannot be unpacked"):
+        read_chunk(stream, 0)
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 100_000
 
 
 # recovery

@@ -6,6 +6,7 @@ import json
 import os
 import random
 import shutil
+import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import replace
@@ -19,6 +20,7 @@ from helmet_sim_ros.mcap_log.blocks import Block
 from helmet_sim_ros.mcap_log.layout import CRITERIA_TYPE, IMPACT, RUN, SAMPLES_TYPE
 from helmet_sim_ros.mcap_log.writer import LogWriter
 
+ROOT = Path(__file__).resolve().parents[2]
 #: A tag, attribute or function of this name in a page was put there by a log.
 MARK = "xss9"
 NAMES = [
@@ -46,7 +48,7 @@ class HostileNames(Attack):
     bounded = False  # a video takes longer
 
     def prepare(self, folder: Path) -> None:
-        sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "test"))
+        sys.path.insert(0, str(ROOT / "test"))
         from logs import simulated
 
         self._folder = folder
@@ -81,17 +83,26 @@ class HostileNames(Attack):
 
         from helmet_sim_ros.cli import main
 
-        here = Path.cwd()
-        os.chdir(path.parent)
-        try:
-            answer = CliRunner().invoke(main, [*verb, path.name])
-        finally:
-            os.chdir(here)
-        if answer.exception is not None and not isinstance(answer.exception, SystemExit):
-            raise answer.exception
-        if answer.exit_code not in (0, 1, 2):
-            return Outcome("failed", f"exit code {answer.exit_code}: {answer.output}")
-        shown = answer.output.replace("\n", "")
+        if verb[0] == "replay":  # OpenGL wants a process of its own
+            done = subprocess.run(
+                [sys.executable, "-m", "helmet_sim_ros", *verb, path.name], cwd=path.parent,
+                env=os.environ | {"PYTHONPATH": str(ROOT)}, capture_output=True, text=True,
+                check=False,
+            )  # fmt: skip
+            code, output = done.returncode, done.stdout + done.stderr
+        else:
+            here = Path.cwd()
+            os.chdir(path.parent)
+            try:
+                answer = CliRunner().invoke(main, [*verb, path.name])
+            finally:
+                os.chdir(here)
+            if answer.exception is not None and not isinstance(answer.exception, SystemExit):
+                raise answer.exception
+            code, output = answer.exit_code, answer.output
+        if code not in (0, 1, 2) or "Traceback" in output:
+            return Outcome("failed", f"exit code {code}: {output}")
+        shown = output.replace("\n", "")
         if "--json" in verb:
             shown = shown.replace("\x7f", "")  # JSON need not escape it; it moves nothing
         if not shown.isprintable():
@@ -105,7 +116,7 @@ class HostileNames(Attack):
             marks.feed(page.read_text(encoding="utf-8"))
             if marks.found:
                 return Outcome("lost", f"{page.name} has {marks.found} of a log in it")
-        return Outcome("refused" if answer.exit_code == 2 else "held", answer.output[-300:])
+        return Outcome("refused" if code == 2 else "held", output[-300:])
 
 
 class Marks(HTMLParser):
@@ -146,7 +157,8 @@ def _forged(
     setup = dict(record.setup)
     for key in ("helmet.name", "helmet.description", "impact.direction", "impact.rig"):
         setup[key] = text(key, str(setup.get(key, "")), 0.2)
-    setup[text("setup key", "impact.friction", 0.2)] = text("setup value", "0.4", 0.2)
+    if (key := text("setup key", "", 0.1)) != "":
+        setup[key] = text("setup value", "0.4")
     data = to_block(record)
     name = text("id", "i0", 0.6)
     block = Block(

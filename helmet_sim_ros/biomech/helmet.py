@@ -7,8 +7,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from helmet_sim_ros.biomech.pulse import FloatArray, finite_array, magnitude, positive, real_number
-from helmet_sim_ros.errors import PulseError
+from helmet_sim_ros.biomech.pulse import (
+    FloatArray,
+    finite_array,
+    magnitude,
+    positive,
+    real_number,
+    same_length,
+)
 
 #: Share of the peak normal force below which no instantaneous force ratio is formed: at first
 #: touch and lift-off both forces vanish and their quotient says nothing.
@@ -178,10 +184,7 @@ def coupling_energy(coupling_force: ArrayLike, coupling_displacement: ArrayLike)
     """
     force = finite_array("coupling_force", coupling_force, 3)
     displacement = finite_array("coupling_displacement", coupling_displacement, 3)
-    if len(force) != len(displacement):
-        raise PulseError(
-            f"coupling_displacement: {len(displacement)} samples, coupling_force has {len(force)}"
-        )
+    same_length(coupling_force=force, coupling_displacement=displacement)
     return work(force, displacement)
 
 

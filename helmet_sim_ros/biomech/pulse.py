@@ -70,6 +70,18 @@ def finite_array(name: str, values: ArrayLike, *columns: int, minimum: int = 2) 
     return array
 
 
+def same_length(**signals: FloatArray) -> None:
+    """Refuse signals of different numbers of samples.
+
+    Raises:
+        PulseError: names the first that differs from the one before.
+    """
+    (first, wanted), *others = signals.items()
+    for name, signal in others:
+        if len(signal) != len(wanted):
+            raise PulseError(f"{name}: {len(signal)} samples, {first} has {len(wanted)}")
+
+
 def positive(name: str, value: float, unit: str = "s") -> float:
     """A number above 0, from ``SMALLEST_ARGUMENT`` to ``LARGEST_VALUE``.
 
