@@ -138,7 +138,7 @@ def _show_alike(rows: list[tuple[Pair, Likeness]]) -> None:
             name = channel.replace("_", " ")
             numbers = (f"{value:.3f}" for value in rating)
             table.add_row("" if i else pair.label, name, *numbers, rating.grade)
-    console = Console(highlight=False)
+    console = PlainConsole()
     console.print("Histories of B rated against A (ISO/TS 18571; 1 is alike)")
     console.print(table)
     console.print(
