@@ -25,7 +25,7 @@ WRONG = ["helmet.unknown", "x", "impact.", "helmet.", "rider", "rider.x.y", "rid
          "helmet.liner", "helmet.shell", "rider.posture", "impact", "sim", "\x1b[2J", "a" * 300,
          "impact.friction ", "IMPACT.friction", "__class__", "helmet.__init__"]  # fmt: skip
 #: What may be the path of a file.
-PATHS = ("helmet.name", "head.surface", "impact.surface")
+PATHS = ("helmet.name", "head.surface", "head.form", "impact.surface")
 
 
 class ParameterSets(Attack):
