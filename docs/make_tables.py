@@ -1,4 +1,4 @@
-"""Write the tables of README.md and docs/interface.md from the code they describe.
+"""Write the tables of README.md, docs/interface.md and docs/ros.md from the code they describe.
 
     python docs/make_tables.py          # rewrite what stands between the markers
     python docs/make_tables.py --check  # exit code 1 if a table is out of date
@@ -32,7 +32,7 @@ from helmet_sim_ros.schema import Leaf, leaves
 from helmet_sim_ros.study import load_scenario
 
 ROOT = Path(__file__).resolve().parents[1]
-FILES = (ROOT / "README.md", ROOT / "docs" / "interface.md")
+FILES = (ROOT / "README.md", ROOT / "docs" / "interface.md", ROOT / "docs" / "ros.md")
 BLOCK = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end of table -->)", re.DOTALL)
 
 #: What the channels of a sample mean, and their units.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 
@@ -46,6 +46,17 @@ class Problem(NamedTuple):
         return f"{key} = {shown}: {self.allowed}"
 
 
+def did_you_mean(word: object, known: Iterable[str]) -> str:
+    """``"; did you mean 'front'?"`` for the known name most like a word; empty if none is."""
+    import difflib
+
+    if not isinstance(word, str):
+        return ""
+    names = {name.lower(): name for name in known}
+    near = difflib.get_close_matches(word.lower(), names, 1, 0.6)
+    return f"; did you mean {names[near[0]]!r}?" if near else ""
+
+
 class SetupError(HelmetSimError, ValueError):
     """A configuration value was refused; ``problems`` names each key, value and allowed range."""
 
@@ -74,7 +85,8 @@ class IncompleteError(HelmetSimError):
 
 
 class DivergedError(HelmetSimError):
-    """The simulated state stopped being finite; ``time`` is the simulation time [s]."""
+    """The simulated state left physics: it is not finite, or has more kinetic energy than there can
+    be; ``time`` is the simulation time [s]."""
 
     def __init__(self, time: float, setup: object = None) -> None:
         self.time = time

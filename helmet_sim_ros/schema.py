@@ -16,7 +16,7 @@ import annotated_types
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic.fields import FieldInfo
 
-from helmet_sim_ros.errors import Problem, SetupError
+from helmet_sim_ros.errors import Problem, SetupError, did_you_mean
 
 
 @dataclass(frozen=True)
@@ -66,6 +66,13 @@ class Config(BaseModel):
         if not isinstance(data, Mapping):
             return data
         return {k: tuple(v) if isinstance(v, list) else v for k, v in data.items()}
+
+    def __repr_args__(self) -> Iterator[tuple[str | None, object]]:
+        """What differs from the defaults."""
+        for name, field in type(self).model_fields.items():
+            value = getattr(self, name)
+            if field.is_required() or value != field.get_default(call_default_factory=True):
+                yield name, value
 
     @classmethod
     def from_mapping(cls, data: object, source: str = "") -> Any:
@@ -216,7 +223,9 @@ def _problems(model: type[Config], error: ValidationError) -> Iterator[Problem]:
         elif item["type"] == "missing" and isinstance(item["loc"][-1], str):
             yield Problem(path, None, "is required")
         elif path in by_name:
-            yield Problem(path, item["input"], by_name[path].allowed)
+            leaf = by_name[path]
+            hint = did_you_mean(item["input"], leaf.choices)
+            yield Problem(path, item["input"], leaf.allowed + hint)
         else:
             yield Problem(path, item["input"], item["msg"])
 
@@ -228,7 +237,8 @@ def _leaf_names(model: type[Config]) -> frozenset[str]:
 
 
 def _near(key: str, known: Set[str]) -> str:
-    """The known keys most like ``key``, else all of them."""
+    """The known keys most like ``key``, else all of them; and which of them may be meant."""
     import difflib
 
-    return ", ".join(difflib.get_close_matches(key, known, 3, 0.6) or sorted(known))
+    near = difflib.get_close_matches(key, known, 3, 0.6) or sorted(known)
+    return ", ".join(near) + did_you_mean(key, known)

@@ -6,9 +6,12 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
-from typing import Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
-from helmet_sim_ros.errors import PulseError
+from helmet_sim_ros.errors import PulseError, did_you_mean
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Verdict = Literal["pass", "fail", "info"]
 
@@ -45,7 +48,7 @@ class Criterion:
         return self.value
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Evaluation:
     """All criteria of one impact, judged by one standard.
 
@@ -74,9 +77,32 @@ class Evaluation:
     def __getattr__(self, name: str) -> Criterion:
         criteria = self.__dict__.get("criteria", {})
         if name not in criteria:
-            known = f"; criteria: {', '.join(criteria)}" if criteria else ""
-            raise AttributeError(f"{type(self).__name__} has no criterion {name!r}{known}")
+            hint = did_you_mean(name, criteria)
+            known = f"; criteria: {', '.join(criteria)}" if criteria and not hint else ""
+            raise AttributeError(f"{type(self).__name__} has no criterion {name!r}{hint or known}")
         return criteria[name]  # type: ignore[no-any-return]
+
+    def frame(self) -> pd.DataFrame:
+        """One row per criterion as a pandas table: value, unit, window, limit, verdict, ...
+
+        Units are also in ``frame.attrs["units"]``.
+
+        Raises:
+            MissingExtraError: pandas is not installed.
+        """
+        from helmet_sim_ros.present.frames import criteria_frame
+
+        return criteria_frame(self)
+
+    def __repr__(self) -> str:
+        from helmet_sim_ros.present.words import evaluation_text
+
+        return evaluation_text(self)
+
+    def _repr_html_(self) -> str:
+        from helmet_sim_ros.present.html import evaluation_html
+
+        return evaluation_html(self)
 
     def as_dict(self) -> dict[str, Any]:
         """Plain JSON types; see ``config/evaluation.schema.json``."""

@@ -117,9 +117,7 @@ class LoggedImpact:
 
     def frame(self) -> pd.DataFrame:
         """The samples as a pandas table, one column per component, the index is time [s]."""
-        from helmet_sim_ros.mcap_log.frames import sample_frame
-
-        return sample_frame(self.record)
+        return self.record.frame()
 
 
 class ImpactLog:
