@@ -91,6 +91,7 @@ class Plate(NamedTuple):
         plane: the tangent plane as a surface; state.
         frame: origin (3) [m], and unit vectors x, y and outward normal; (12,), state.
         height, speed: of the plate over the tangent plane, (n, n) [m], [m/s]; state.
+        slow: its speed of the last moments, (n, n) [m/s]; state.
         anvil, friction: height of what lies below and its friction, (n, n); state.
         bent: moments xx, yy and xy over D, (3, n, n); working memory.
         pressed: force of the foam on each node, (n, n) [N]; working memory.
@@ -132,7 +133,6 @@ def plate(helmet: Helmet, liner: CrushingLiner) -> Plate:
         fastest = math.sqrt((64.0 * stiffness / cell**4 + crowded * steep) / MASS)
         lag = 2.0 * DAMPING / fastest
         longest = SHARE * 2.0 / fastest * (math.hypot(1.0, DAMPING) - DAMPING)
-    grid = (n, n)
     plane = Surface(
         np.array([HALF_SPACE]),
         np.zeros((1, 3)),
@@ -140,10 +140,11 @@ def plate(helmet: Helmet, liner: CrushingLiner) -> Plate:
         np.zeros((1, SIZES)),
         np.zeros(1),
     )
+    height, speed, slow, anvil, friction, pressed = (np.zeros((n, n)) for _ in range(6))
     return Plate(
         stiffness if count else 0.0, material.poisson, material.strongest_curvature, lag, longest,
-        cell, np.zeros(1, dtype=np.int64), plane, np.zeros(12), *(np.zeros(grid) for _ in range(5)),
-        np.zeros((3, n, n)), np.zeros(grid), np.zeros((count, PUSHED + 1)),
+        cell, np.zeros(1, dtype=np.int64), plane, np.zeros(12), height, speed, slow, anvil,
+        friction, np.zeros((3, n, n)), pressed, np.zeros((count, PUSHED + 1)),
     )  # fmt: skip
 
 
