@@ -104,9 +104,10 @@ class OptimisationFile(StudyFile):
 
     The impacts of every design are given as in a study (``common``, ``cases``, ``product``,
     ``draw``), or are those of a ``protocol``; its helmet is the reference. ``variables`` are values
-    of the helmet with the range to search. A response is a criterion over the impacts (``worst peak_g``, ``mean hic``,
-    ``p95 bric``) or a quantity of the design (``helmet_mass``, ``liner_mass``, ``max_thickness``,
-    ``max_density``).
+    of the helmet with the range to search. A response is a criterion over the impacts (``worst
+    peak_g``, ``mean hic``, ``p95 bric``), a quantity of the design (``helmet_mass``,
+    ``liner_mass``, ``max_thickness``, ``max_density``), or ``protocol_margin``: the least of
+    1 - value / limit over all limits of the protocol.
     """
 
     protocol: str | None = Field(
