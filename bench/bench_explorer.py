@@ -121,6 +121,8 @@ def key_times(driver: Any) -> list[float]:
 
 def picture(page: Page, url: str, path: Path) -> None:
     """Two setups of a foam helmet side by side."""
+    from selenium.common.exceptions import TimeoutException
+
     page._load({"helmet.coupling": "foam"})
     page.session.wait_idle(PATIENCE)
     page._compare.value = True
@@ -133,8 +135,14 @@ def picture(page: Page, url: str, path: Path) -> None:
         driver.execute_script(
             "document.querySelectorAll('.mantine-Notification-closeButton').forEach(b => b.click())"
         )
-        time.sleep(3.0)
-        driver.save_screenshot(str(path))
+        for attempt in range(10):
+            time.sleep(3.0)
+            try:
+                driver.save_screenshot(str(path))
+                return
+            except TimeoutException:  # a loaded machine draws for longer than the driver waits
+                print(f"the browser is still drawing ({attempt + 1})", file=sys.stderr)
+    raise SystemExit("no picture: the browser does not come to an end of drawing")
 
 
 def main() -> None:
