@@ -199,9 +199,9 @@ def energy(padding: Padding, compression: float) -> float:
 @inlined
 def way_back(padding: Padding, largest: float, full: float) -> float:
     """The way [m] on which the padding unloads from a compression [m] of pressure ``full`` [Pa];
-    never longer than that of a spring, so that it gives no more back than it took up."""
-    width = 2.0 * padding.returned * energy(padding, largest) / full
-    return max(width, min(ELASTIC, largest), full / STIFFEST)
+    so long at most that it gives back all that it took up."""
+    lossless = 2.0 * energy(padding, largest) / full
+    return min(lossless, max(padding.returned * lossless, ELASTIC, full / STIFFEST))
 
 
 @inlined
