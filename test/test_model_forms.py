@@ -47,6 +47,16 @@ def test_a_foam_helmet_refuses_values_of_the_spring(name: str, value: float) -> 
     assert worn(FULLFACE, {name: value}).coupling == "spring"
 
 
+@pytest.mark.parametrize("name", ["shell.material.thickness", "shell.cell"])
+def test_a_spring_helmet_refuses_what_bends_the_shell(tmp_path: Path, name: str) -> None:
+    """Its shell is rigid on whatever it strikes."""
+    value = 0.004
+    for helmet in (FULLFACE, own_spring(tmp_path)):
+        with pytest.raises(SetupError, match=rf"{name} = .*no effect.*coupling is spring"):
+            worn(helmet, {name: value})
+        assert worn(helmet, {**FOAM, name: value}).coupling == "foam"
+
+
 @pytest.mark.parametrize(
     ("name", "value"),
     [

@@ -13,7 +13,7 @@ from helmet_sim_ros.biomech.record import ImpactRecord, from_block, same_samples
 from helmet_sim_ros.errors import DivergedError
 from helmet_sim_ros.model.balance import balance
 from helmet_sim_ros.model.compiled import compiled
-from helmet_sim_ros.model.force import contact, fit, liner, neck, spring, stops
+from helmet_sim_ros.model.force import contact, fit, liner, neck, shell, spring, stops
 from helmet_sim_ros.model.force.bodies import (
     FORCE,
     HELMET,
@@ -274,7 +274,9 @@ def apply_all(forces: Forces, step: float, motion: Motion, loads: Loads) -> None
     neck.apply(forces.neck, motion, loads)
     contact.apply(forces.contact, forces.surface, step, motion, loads)
     fit.apply(forces.fit, step, motion, loads)
-    if len(forces.liner.columns.area) > 0:
+    if shell.spreads(forces.shell, forces.surface):
+        shell.apply(forces.shell, forces.liner, forces.surface, step, motion, loads)
+    elif len(forces.liner.columns.area) > 0:
         liner.apply(forces.liner, forces.surface, step, motion, loads)
     else:
         spring.apply(forces.spring, motion, loads)
