@@ -65,8 +65,7 @@ def test_an_edited_constant_reaches_every_function_that_was_compiled_with_it(
     environment = os.environ | {"PYTHONPATH": str(tmp_path), "PYTHONDONTWRITEBYTECODE": "1"}
     environment.pop("NUMBA_CACHE_DIR", None)
     code = (
-        "from small.outer import outer\n"
-        "print(outer(2.0), sum(outer.stats.cache_hits.values()))\n"
+        "from small.outer import outer\nprint(outer(2.0), sum(outer.stats.cache_hits.values()))\n"
     )
 
     def run() -> tuple[float, int]:

@@ -12,7 +12,6 @@ from helmet_sim_ros.model.impact import Impact, simulate
 from helmet_sim_ros.model.setup import ImpactSetup
 from helmet_sim_ros.model.surface.compiled import Surface
 
-
 UP = (0.0, 0.0, 1.0)
 STEP, STIFFNESS = 1e-5, 1e6  # s, N/m
 

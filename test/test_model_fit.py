@@ -221,7 +221,7 @@ def test_the_strap_pulls_only_and_holds_a_helmet_that_is_pulled_off() -> None:
     assert np.array_equal(acting(fit, np.zeros(3)), np.zeros(6))
     for up in (0.01, 0.03):
         force = acting(fit, np.array([0.0, 0.0, up]))
-        left = np.array(strap.chin) - (np.array(strap.anchor) + [0.0, 0.0, up])
+        left = np.array(strap.chin) - strap.anchor - np.array([0.0, 0.0, up])
         stretch = np.linalg.norm(left) - strap.length
         if stretch > 0.0:
             tension = strap.stiffness * stretch
