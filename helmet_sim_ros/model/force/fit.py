@@ -123,12 +123,10 @@ class Fit(NamedTuple):
 def padding_of(helmet: Helmet, surface: HeadSurface) -> Padding:
     """The layer between a helmet's liner and a head with some surface."""
     pad = helmet.padding
-    bare = surface.shear_modulus is None
+    skin = surface.thickness / surface.shear_modulus if surface.shear_modulus else 0.0
     return Padding(
         pad.thickness, pad.modulus, pad.densification, pad.energy_returned, pad.damping,
-        pad.preload, pad.shear_modulus / pad.modulus,
-        0.0 if bare else surface.thickness / surface.shear_modulus,
-        pad.relaxation, surface.friction,
+        pad.preload, pad.shear_modulus / pad.modulus, skin, pad.relaxation, surface.friction,
     )  # fmt: skip
 
 
