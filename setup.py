@@ -36,15 +36,32 @@ REPORT = [
     "pyarrow>=15",
 ]
 
+#: The explorer in the browser.
+EXPLORE = [
+    "markupsafe",
+    "viser>=1.1",
+]
+
+#: The documentation site, `make docs`.
+DOCS = [
+    "mkdocs-click>=0.8",
+    "mkdocs-material>=9.5,<10",
+    "mkdocstrings[python]>=0.27",
+]
+
 EXTRAS = {
     # ROS 2 Jazzy from wheels. Left out beside a system ROS, so that nothing of it is shadowed.
     "ros": [
         f"ros-rclpy[fastrtps]==7.1.6; {WHEELS}",
         f"ros-jazzy-common-interfaces==5.3.6; {WHEELS}",
     ],
+    "docs": DOCS,
+    "explore": EXPLORE,
     "report": REPORT,
     "study": STUDY,
     "test": [
+        *DOCS,
+        *EXPLORE,
         *REPORT,
         *STUDY,
         "colcon-common-extensions",
@@ -102,6 +119,7 @@ setup(
         "annotated-types",
         "click>=8.1",
         "llvmlite",
+        "lz4",
         "mcap>=1.2",
         "mujoco>=4,<5",
         "numba>=0.61",
@@ -111,6 +129,7 @@ setup(
         "rich>=13",
         "rosbags>=0.10",
         "scipy>=1.11",
+        "zstandard",
     ],
     extras_require=EXTRAS,
     entry_points={"console_scripts": ["helmet-sim = helmet_sim_ros.cli:main"]},

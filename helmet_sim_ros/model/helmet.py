@@ -8,7 +8,7 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from helmet_sim_ros.errors import SetupError
+from helmet_sim_ros.errors import Problem, SetupError
 from helmet_sim_ros.resources import find_config
 from helmet_sim_ros.schema import Config, quantity
 from helmet_sim_ros.yaml_file import read_yaml
@@ -205,9 +205,12 @@ class Helmet(Config):
     @model_validator(mode="after")
     def _consistent(self) -> Helmet:
         if self.shell.effective_mass > self.mass:
-            raise SetupError.of(
-                "shell.effective_mass", self.shell.effective_mass,
-                f"must not exceed the helmet's mass, {self.mass:g} kg",
+            raise SetupError(
+                [
+                    Problem("mass", self.mass, "must hold that of the struck shell"),
+                    Problem("shell.effective_mass", self.shell.effective_mass,
+                            f"must not exceed the helmet's mass, {self.mass:g} kg"),
+                ]
             )  # fmt: skip
         i = sorted(self.inertia)
         if i[0] <= 0.0 or i[2] > 1.0 or i[0] + i[1] < i[2]:

@@ -36,6 +36,7 @@ from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.loop import Clock, Engine, Forces, Rows, advance
 from helmet_sim_ros.model.rider.neck import overload
 from helmet_sim_ros.model.setup import ImpactSetup
+from helmet_sim_ros.model.watch import most_energy, overloaded
 from helmet_sim_ros.model.world import build
 
 
@@ -106,9 +107,11 @@ class Impact:
         )
         self._engine = Engine(
             parts.model._address, data._address, data.qacc_smooth, data.qacc, data.xfrc_applied,
-            data.sensordata, data.M, *parts.damped_diagonal, parts.chains,
+            data.sensordata, data.M, *parts.damped_diagonal, parts.chains, data.energy,
         )  # fmt: skip
-        self._clock = Clock(parts.model.opt.timestep, world.substeps)
+        self._clock = Clock(
+            parts.model.opt.timestep, world.substeps, *most_energy(parts.model, data, setup)
+        )
         widths = (parts.model.nq, parts.model.nv, parts.model.nsensordata, 6, 3, (2, COLUMNS), 3)
         self._rows = Rows(*(np.zeros((self.total, *np.atleast_1d(w))) for w in widths))
         self._done = 0
@@ -209,6 +212,7 @@ class Impact:
         """Notes, and of a foam helmet the crush map so far: ``crush`` (largest strain of each
         column), ``residual_crush`` [m], ``column_position`` (n, 3) [m] in the helmet frame."""
         suffered = overload(self.neck, self._rows.qpos[: self._done])
+        suffered += overloaded(self.helmet, self._forces, self._rows, self._done, self._layout)
         extras: dict[str, Any] = {"notes": [*self.notes, *suffered]}
         liner = self._forces.liner
         if len(liner.largest):

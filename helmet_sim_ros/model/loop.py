@@ -62,9 +62,13 @@ _acceleration = _mujoco_function("mj_fwdAcceleration")
 _rne_post = _mujoco_function("mj_rnePostConstraint")
 _sensor_pos, _sensor_vel = _mujoco_function("mj_sensorPos"), _mujoco_function("mj_sensorVel")
 _sensor_acc = _mujoco_function("mj_sensorAcc")
+_energy_vel = _mujoco_function("mj_energyVel")
 _integrate_pos = types.ExternalFunction(
     "mj_integratePos", types.void(types.intp, types.intp, types.intp, types.double)
 )
+
+
+WATCHED = 10  # samples from one look at the kinetic energy to the next
 
 
 class Engine(NamedTuple):
@@ -78,6 +82,7 @@ class Engine(NamedTuple):
         mass: view of M; ``diagonal``: where its diagonal stands there.
         damping: what the joints' damping adds to the diagonal in an implicit step.
         chains: the kinematic tree.
+        energy: view of MuJoCo's potential and kinetic energy [J].
     """
 
     model: int
@@ -90,6 +95,7 @@ class Engine(NamedTuple):
     diagonal: NDArray[np.int64]
     damping: FloatArray
     chains: Chains
+    energy: FloatArray
 
 
 class Forces(NamedTuple):
@@ -124,10 +130,18 @@ class Rows(NamedTuple):
 
 
 class Clock(NamedTuple):
-    """Integration step [s], and how many of them make a sample."""
+    """Integration step [s], and how many of them make a sample.
+
+    Attributes:
+        energy: the most kinetic energy that can be, at the start [J]; ``power``: what gravity can
+            add to it [W], ``growth`` its rate of change [W/s].
+    """
 
     step: float
     substeps: int
+    energy: float
+    power: float
+    growth: float
 
 
 @inlined
@@ -170,7 +184,8 @@ def advance(
         rows: samples to write.
 
     Returns:
-        ``last``, or the index of the first sample at or after which the acceleration is not finite.
+        ``last``, or the index of the first sample at or after which the state has left physics: the
+        acceleration is not finite, or there is more kinetic energy than there can be.
     """
     # Arrays are taken out of their tuples once: each access counts references.
     model, data, step = engine.model, engine.data, clock.step
@@ -202,6 +217,13 @@ def advance(
             add_generalised(motion, loads, engine.chains)
 
             if substep == 0:
+                if i % WATCHED == 0:
+                    _energy_vel(model, data)
+                    since = i * step * clock.substeps
+                    if engine.energy[1] > clock.energy + since * (
+                        clock.power + since * clock.growth
+                    ):
+                        return i
                 sample(engine, motion, loads, rows, i)
                 if foam:
                     liner.crush(crushing, struck, motion, rows.crush[i])

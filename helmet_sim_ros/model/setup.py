@@ -8,11 +8,11 @@ from typing import Any, Literal
 
 from pydantic import Field, model_validator
 
-from helmet_sim_ros.errors import Problem, SetupError
+from helmet_sim_ros.errors import Problem, SetupError, did_you_mean
+from helmet_sim_ros.model.forms import worn
 from helmet_sim_ros.model.head_surface import Head, HeadSurface, load_head_surface
 from helmet_sim_ros.model.headform import Headform, load_headform
 from helmet_sim_ros.model.helmet import Helmet, load_helmet
-from helmet_sim_ros.model.forms import worn
 from helmet_sim_ros.model.rider.properties import RETIRED, Rider, refuse_retired
 from helmet_sim_ros.model.surface.config import SurfaceConfig, load_surface
 from helmet_sim_ros.schema import Config, leaf_values, leaves, quantity
@@ -188,6 +188,16 @@ class ImpactSetup(Config):
             return min(90.0 - self.body_angle_deg, MAX_NECK_FLEXION_DEG)
         return 0.0
 
+    def _repr_html_(self) -> str:
+        from helmet_sim_ros.model.helmet import Helmet
+        from helmet_sim_ros.present.html import setup_html
+
+        described, default = self.described(), ImpactSetup().described()
+        every = [*setup_leaves(), *leaves(Helmet, "helmet.")]
+        units = {leaf.name: leaf.unit for leaf in every}
+        changed = [name for name, value in described.items() if value != default[name]]
+        return setup_html(described, units, changed)
+
     def described(self) -> dict[str, Any]:
         """Every value by its dotted name, as plain JSON data, for logs and provenance."""
         values = {name: getattr(self, field) for name, field in _SETUP_KEYS.items()}
@@ -230,7 +240,8 @@ def _apply_overrides(data: dict[str, Any], overrides: Mapping[str, Any]) -> dict
         else:
             raise SetupError.of(
                 f"overrides.{key}", value,
-                "unknown name; use helmet.*, rider.*, head.* or one of " + ", ".join(_SETUP_KEYS),
+                "unknown name; use helmet.*, rider.*, head.* or one of " + ", ".join(_SETUP_KEYS)
+                + did_you_mean(key, _SETUP_KEYS),
             )  # fmt: skip
     for group, named in changes.items():
         if not named:

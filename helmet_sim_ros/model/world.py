@@ -14,8 +14,8 @@ from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.model.force.bodies import Chains, chains
 from helmet_sim_ros.model.force.columns import Columns, columns, no_columns
 from helmet_sim_ros.model.force.contact import Contact
-from helmet_sim_ros.model.force.neck import CervicalSpine
 from helmet_sim_ros.model.force.fit import ELASTIC
+from helmet_sim_ros.model.force.neck import CervicalSpine
 from helmet_sim_ros.model.force.spring import deepest, law_table, unloading_exponent
 from helmet_sim_ros.model.force.stops import Stops, joint_stops
 from helmet_sim_ros.model.headform import Headform
@@ -231,9 +231,7 @@ def _add_helmet(head: mujoco.MjsBody, helmet: Helmet) -> None:
 
 def _slides(body: mujoco.MjsBody, name: str) -> None:
     for letter, axis in (("x", (1, 0, 0)), ("y", (0, 1, 0)), ("z", (0, 0, 1))):
-        body.add_joint(
-            name=f"{name}_{letter}", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=list(axis)
-        )
+        body.add_joint(name=f"{name}_{letter}", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=list(axis))
 
 
 def _rigid(body: mujoco.MjsBody, mass: float, at: list[float], inertia: list[float]) -> None:
