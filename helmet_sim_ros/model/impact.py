@@ -27,12 +27,13 @@ from helmet_sim_ros.model.force.bodies import (
     motion_of,
     no_loads,
 )
-from helmet_sim_ros.model.force.fit import fit
-from helmet_sim_ros.model.force.foam import LIMIT, LINEAR_FROM, residual_strains
-from helmet_sim_ros.model.force.liner import CrushingLiner, crushing_liner
+from helmet_sim_ros.model.force.fit import Fit, fit
+from helmet_sim_ros.model.force.foam import residual_strains
+from helmet_sim_ros.model.force.liner import crushing_liner
 from helmet_sim_ros.model.force.shell import plate
 from helmet_sim_ros.model.force.spring import coupling_spring
 from helmet_sim_ros.model.helmet import Helmet
+from helmet_sim_ros.model.layout import Layout
 from helmet_sim_ros.model.loop import Clock, Engine, Forces, Rows, advance
 from helmet_sim_ros.model.rider.neck import overload
 from helmet_sim_ros.model.setup import ImpactSetup
@@ -103,7 +104,7 @@ class Impact:
             world.contact,
             liner,
             plate(helmet, liner),
-            fit(helmet, setup.head_surface, layout.fit, layout.fit_velocity),
+            self.fresh_fit(),
         )
         self._engine = Engine(
             parts.model._address, data._address, data.qacc_smooth, data.qacc, data.xfrc_applied,
@@ -138,6 +139,16 @@ class Impact:
         if self._done < last:
             raise DivergedError(self._done * self.setup.time_step, self.setup.described())
         return self._done
+
+    @property
+    def layout(self) -> Layout:
+        """Where named quantities stand in the model's vectors."""
+        return self._layout
+
+    def fresh_fit(self) -> Fit:
+        """How the head sits in the helmet at the first touch."""
+        layout = self._layout
+        return fit(self.helmet, self.setup.head_surface, layout.fit, layout.fit_velocity)
 
     def block(self, first: int, last: int) -> FloatArray:
         """Finished samples ``first`` to ``last`` (exclusive), shape (last - first, len(labels))."""
@@ -217,28 +228,12 @@ class Impact:
         liner = self._forces.liner
         if len(liner.largest):
             strains = residual_strains(liner.largest, liner.columns.foam)
-            extras["notes"] += bottomed_out(liner)
             extras |= {
                 "crush": liner.largest.copy(),
                 "residual_crush": strains * liner.columns.thickness,
                 "column_position": liner.columns.point.copy(),
             }
         return extras
-
-
-def bottomed_out(liner: CrushingLiner) -> list[str]:
-    """Where columns were crushed beyond what their foam has, in words; empty: nowhere."""
-    most = LINEAR_FROM * liner.columns.foam[:, LIMIT]
-    beyond = int(np.argmax(liner.largest - most))
-    if liner.largest[beyond] <= most[beyond]:
-        return []
-    share = float(liner.columns.area[liner.largest > most].sum())
-    x, y, z = liner.columns.point[beyond] * 1e3
-    return [
-        f"the liner bottomed out over {share * 1e4:.1f} cm^2: strain {liner.largest[beyond]:.2f} "
-        f"at ({x:.0f}, {y:.0f}, {z:.0f}) mm in the helmet, where its foam is solid from "
-        f"{most[beyond]:.2f} on"
-    ]
 
 
 def _part(loads: FloatArray, start: int) -> FloatArray:

@@ -359,7 +359,7 @@ def on_plate(plate: Plate, u: float, v: float) -> tuple[int, int, float, float]:
 def press(plate: Plate, liner: CrushingLiner, early: float) -> None:
     """Forces of the foam on the plate, ``early`` seconds before the step ends."""
     _, _, areas, thicknesses, radii, foams = liner.columns
-    listed, state, z, pressed = liner.near.index, plate.columns, plate.height, plate.pressed
+    listed, state, z, pressed = liner.near.listed, plate.columns, plate.height, plate.pressed
     largest, rest = liner.largest, liner.rest
     pressed[:] = 0.0
     for n in range(listed[-1]):
@@ -400,7 +400,7 @@ def apply(
         step: time since the last call [s].
         motion, loads: of the bodies.
     """
-    listed, sticks = liner.near.index, liner.stick
+    listed, sticks = liner.near.listed, liner.stick
     if plate.engaged[0] == 0:
         find_near(liner, surface, motion)
         if listed[-1] == 0 or not engage(plate, liner, surface, motion):
