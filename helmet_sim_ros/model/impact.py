@@ -28,8 +28,8 @@ from helmet_sim_ros.model.force.bodies import (
     no_loads,
 )
 from helmet_sim_ros.model.force.fit import Fit, fit
-from helmet_sim_ros.model.force.foam import LIMIT, LINEAR_FROM, residual_strains
-from helmet_sim_ros.model.force.liner import CrushingLiner, crushing_liner
+from helmet_sim_ros.model.force.foam import residual_strains
+from helmet_sim_ros.model.force.liner import crushing_liner
 from helmet_sim_ros.model.force.shell import plate
 from helmet_sim_ros.model.force.spring import coupling_spring
 from helmet_sim_ros.model.helmet import Helmet
@@ -228,28 +228,12 @@ class Impact:
         liner = self._forces.liner
         if len(liner.largest):
             strains = residual_strains(liner.largest, liner.columns.foam)
-            extras["notes"] += bottomed_out(liner)
             extras |= {
                 "crush": liner.largest.copy(),
                 "residual_crush": strains * liner.columns.thickness,
                 "column_position": liner.columns.point.copy(),
             }
         return extras
-
-
-def bottomed_out(liner: CrushingLiner) -> list[str]:
-    """Where columns were crushed beyond what their foam has, in words; empty: nowhere."""
-    most = LINEAR_FROM * liner.columns.foam[:, LIMIT]
-    beyond = int(np.argmax(liner.largest - most))
-    if liner.largest[beyond] <= most[beyond]:
-        return []
-    share = float(liner.columns.area[liner.largest > most].sum())
-    x, y, z = liner.columns.point[beyond] * 1e3
-    return [
-        f"the liner bottomed out over {share * 1e4:.1f} cm^2: strain {liner.largest[beyond]:.2f} "
-        f"at ({x:.0f}, {y:.0f}, {z:.0f}) mm in the helmet, where its foam is solid from "
-        f"{most[beyond]:.2f} on"
-    ]
 
 
 def _part(loads: FloatArray, start: int) -> FloatArray:
