@@ -263,7 +263,7 @@ def test_columns_that_are_not_near_the_surface_cannot_touch_it(name: str) -> Non
             results.append((loads.wrenches, loads.surface))
         assert all(np.array_equal(a, b) for a, b in zip(*results, strict=True))
         touched += bool(results[0][1][HELMET, FORCE + 2] > 0.0)
-        listed.append(liners[0].near.index[-1])
+        listed.append(liners[0].near.listed[-1])
     assert 30 < touched < 350 and max(listed) < count / 3
     for state in ("largest", "rest", "stick"):
         assert np.array_equal(getattr(liners[0], state), getattr(liners[1], state))

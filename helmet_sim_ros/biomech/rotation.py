@@ -116,7 +116,7 @@ def rotation_vectors(orientation: FloatArray) -> FloatArray:
     small = sine < 1e-12
     angle = 2.0 * np.arctan2(sine, q[:, 3])
     factor = np.where(small, 2.0, angle / np.where(small, 1.0, sine))
-    return factor[:, None] * q[:, :3]  # type: ignore[no-any-return]
+    return factor[:, None] * q[:, :3]
 
 
 def quaternions(vectors: FloatArray) -> FloatArray:

@@ -40,7 +40,7 @@ from helmet_sim_ros.model.helmet import Helmet
 #: Share of the densification strain beyond which a padding's law goes on as a straight line.
 LINEAR_FROM = 0.9
 #: m, least way on which a compressed padding unloads: skin and skull give way too (a choice).
-ELASTIC = 0.3e-3
+ELASTIC = 0.5e-3
 #: Pa/m, no padding with skin and skull unloads more steeply (a choice: what the step resolves).
 STIFFEST = 4e9
 #: s, in which a padding recovers from its compression: longer than an impact, shorter than the time
@@ -123,12 +123,10 @@ class Fit(NamedTuple):
 def padding_of(helmet: Helmet, surface: HeadSurface) -> Padding:
     """The layer between a helmet's liner and a head with some surface."""
     pad = helmet.padding
-    bare = surface.shear_modulus is None
+    skin = surface.thickness / surface.shear_modulus if surface.shear_modulus else 0.0
     return Padding(
         pad.thickness, pad.modulus, pad.densification, pad.energy_returned, pad.damping,
-        pad.preload, pad.shear_modulus / pad.modulus,
-        0.0 if bare else surface.thickness / surface.shear_modulus,
-        pad.relaxation, surface.friction,
+        pad.preload, pad.shear_modulus / pad.modulus, skin, pad.relaxation, surface.friction,
     )  # fmt: skip
 
 
