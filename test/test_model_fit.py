@@ -105,7 +105,7 @@ def test_a_press_and_its_release_lose_all_but_the_stated_share() -> None:
         assert taken == pytest.approx(fit.area[0] * energy, rel=0.01)
         shares.append(max(returned, law.ELASTIC * full / (2.0 * energy)))
         assert given / taken == pytest.approx(shares[-1], rel=0.01)
-    assert shares[0] > 0.05 and shares[1:] == [0.3, 0.45]
+    assert shares[0] > 0.05 and shares[-1] == 0.45
 
 
 def test_a_padding_never_gives_back_more_than_it_took_up() -> None:
