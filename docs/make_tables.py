@@ -62,13 +62,14 @@ OTHER_TOPICS = (
     ("evaluator", "`evaluation/criteria`", "diagnostic_msgs/msg/DiagnosticArray", "head",
      qos.CRITERIA, "one status per criterion: value, unit, window, limit, verdict"),
     ("recorder", "`~/status`", "diagnostic_msgs/msg/DiagnosticStatus", "", qos.LATCHED,
-     "last impact that is on disk, and the file"),
+     "last impact that is on disk with its criteria (or why it has none), and the file"),
     ("scenario", "`~/progress`", "std_msgs/msg/String", "", qos.LATCHED,
      "JSON: case, done, failed, cases, time left [s]"),
 )  # fmt: skip
 SERVICES = (
     ("simulation", "run_impact", "Trigger",
-     "run the configured impact; answers when every sample is out"),
+     "run the configured impact; answers when every sample is out, with impact and digest of the "
+     "setup"),
     ("simulation", "pause", "SetBool", "pause, or go on; asking twice changes nothing"),
     ("simulation", "step", "Trigger", "one slice of a paused impact"),
     ("simulation", "cancel", "Trigger", "end the running impact"),

@@ -72,7 +72,8 @@ class Config(BaseModel):
             SetupError: not a mapping, or a refused value; names ``source``.
         """
         if not isinstance(data, Mapping):
-            raise SetupError.of("(document)", data, "must be a mapping of keys to values", source)
+            kind = type(data).__name__  # and not what is in it: it may be any file of the machine
+            raise SetupError.of("(document)", kind, "must be a mapping of keys to values", source)
         wrong = [key for key in data if not isinstance(key, str)]
         if wrong:
             raise SetupError.of(str(wrong[0]), data[wrong[0]], "a key must be text", source)

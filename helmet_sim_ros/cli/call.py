@@ -13,7 +13,8 @@ from rich.console import Console
 from helmet_sim_ros.cli._client import call, ros_client, wait_for_service
 from helmet_sim_ros.cli._options import domain_option
 from helmet_sim_ros.errors import NodeError
-from helmet_sim_ros.model.setup import setup_from_names, setup_leaves
+from helmet_sim_ros.mcap_log.digest import setup_digest
+from helmet_sim_ros.model.setup import ImpactSetup, setup_from_names, setup_leaves
 from helmet_sim_ros.nodes.environment import prepare_environment
 from helmet_sim_ros.schema import Leaf
 from helmet_sim_ros.study.scenario.matrix import flatten
@@ -65,7 +66,8 @@ def impact(
 ) -> None:
     """Set what is given on the running simulation, run one impact, print the answer.
 
-    Values that are not given stay as they are on the simulation node.
+    Values that are not given stay as they are on the simulation node. If another client changes
+    the setup before the impact runs, that is an error and nothing of the impact is shown.
     """
     given = {name: value for name, value in options.items() if value is not None}
     values = {name.replace("__", "."): value for name, value in given.items()}
@@ -80,6 +82,8 @@ def impact(
         from rclpy.parameter import Parameter
         from std_srvs.srv import Trigger
 
+        from helmet_sim_ros.nodes.scenario_node import not_asked, ran_impact
+
         prefix = f"/{namespace.strip('/')}/simulation".replace("//", "/")
         change = node.create_client(SetParametersAtomically, f"{prefix}/set_parameters_atomically")
         run = node.create_client(Trigger, f"{prefix}/run_impact")
@@ -92,8 +96,34 @@ def impact(
             result = call(node, change, request, timeout).result
             if not result.successful:
                 raise NodeError(f"the simulation refused the values: {result.reason}")
+        asked = setup_digest(asked_setup(node, prefix, values, timeout).described())
         answer = call(node, run, Trigger.Request(), timeout)
     if not answer.success:
         raise NodeError(f"no impact: {answer.message}")
+    impact_id, ran = ran_impact(answer.message)
+    if ran != asked:
+        raise NodeError(not_asked(impact_id, ran, asked))
     for key, value in json.loads(answer.message).items():
         Console(highlight=False).print(f"{key}: {value}", soft_wrap=True)
+
+
+def asked_setup(node: Any, prefix: str, given: dict[str, Any], timeout: float) -> ImpactSetup:
+    """The whole setup that is asked for: what is given, all else as it stands on the simulation.
+
+    Raises:
+        SetupError: the helmet of the simulation cannot be loaded here.
+        NodeError: no answer.
+    """
+    from rcl_interfaces.srv import GetParameters
+    from rclpy.parameter import parameter_value_to_python
+
+    from helmet_sim_ros.nodes.parameters import coerced
+    from helmet_sim_ros.nodes.setup_parameters import configuration, simulation_leaves
+
+    leaves = {leaf.name: leaf for leaf in simulation_leaves()}
+    client = node.create_client(GetParameters, f"{prefix}/get_parameters")
+    wait_for_service(node, client, min(timeout, FIND_TIMEOUT))
+    answer = call(node, client, GetParameters.Request(names=list(leaves)), timeout)
+    there = zip(leaves, map(parameter_value_to_python, answer.values), strict=False)
+    values = dict(there) | given
+    return configuration({k: coerced(leaves[k], v) for k, v in values.items()}).setup

@@ -13,6 +13,7 @@ import numpy as np
 from helmet_sim_ros.biomech.pulse import uniform_time_step
 from helmet_sim_ros.biomech.record import FloatArray, ImpactRecord, from_block
 from helmet_sim_ros.errors import IncompleteError, PulseError
+from helmet_sim_ros.mcap_log.digest import setup_digest
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,7 @@ class Block:
         labels: column names, see :func:`helmet_sim_ros.biomech.record.block_labels`.
         data: shape (rows, len(labels)), SI units.
         setup: the impact setup as plain data; in the first block only.
+        setup_digest: its :func:`~helmet_sim_ros.mcap_log.digest.setup_digest`, beside it.
         model: the compiled model as MJCF text; in the first block only.
         extras: ``ImpactRecord.extras`` (notes, map of residual crush); in the last block only.
         aborted: why the impact ends here, unfinished; such a block has no rows.
@@ -42,10 +44,12 @@ class Block:
     model: str | None = None
     extras: Mapping[str, Any] | None = None
     aborted: str | None = None
+    setup_digest: str | None = None
 
     def header(self) -> str:
         """Everything but labels and data, as JSON; values that are None are left out."""
-        names = ("impact_id", "first", "total", "start_time", "setup", "model", "extras", "aborted")
+        names = ("impact_id", "first", "total", "start_time", "setup", "setup_digest", "model",
+                 "extras", "aborted")  # fmt: skip
         values = {name: getattr(self, name) for name in names}
         return json.dumps({k: v for k, v in values.items() if v is not None}, default=_listed)
 
@@ -69,7 +73,9 @@ def parse_block(header: str, labels: str, data: Sequence[float] | FloatArray) ->
                 f"rows {block.first} to {block.first + len(block.data)} of {block.total}"
             )
         float(block.start_time)
-    except (TypeError, ValueError) as error:
+        if block.setup_digest is not None and block.setup_digest != setup_digest(block.setup or {}):
+            raise ValueError("the setup is not the one of its digest")
+    except (TypeError, ValueError, RecursionError) as error:
         raise IncompleteError(f"not a block of samples: {error}") from None
     return block
 

@@ -10,6 +10,9 @@ RUN = "run"
 #: Prefix of the metadata record that follows the samples of each impact.
 IMPACT = "impact/"
 
+#: Prefix of the metadata record that says why an impact has no criteria.
+NO_CRITERIA = "no_criteria/"
+
 #: Metadata record of a log that was recovered: what was lost.
 RECOVERED = "recovered"
 

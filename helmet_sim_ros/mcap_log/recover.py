@@ -221,7 +221,8 @@ def _plan(stream: IO[bytes], path: Path) -> _Plan:
             McapSource(path)
         except LogError:
             sound.problems.append("the index at the end of the file is damaged")
-    if not sound.problems:
+    # One that was killed before it had its final name is complete, and yet no finished log.
+    if not sound.problems and not path.name.endswith(PART):
         raise LogError(f"{path}: is finished and sound, there is nothing to recover")
     for impact_id, complete in plan.noted.items():
         if complete and impact_id not in plan.complete:
