@@ -29,7 +29,9 @@ def ros_client() -> Iterator[Any]:
             f"ROS 2 is not importable ({error}); source a ROS 2 workspace, or install the wheels: "
             "pip install 'helmet_sim_ros[ros]'"
         ) from error
-    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    shared = rclpy.ok()  # with nodes in this process
+    if not shared:
+        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     try:
         node = rclpy.create_node(f"helmet_sim_cli_{os.getpid()}")
         try:
@@ -37,7 +39,8 @@ def ros_client() -> Iterator[Any]:
         finally:
             node.destroy_node()
     finally:
-        rclpy.try_shutdown()
+        if not shared:
+            rclpy.try_shutdown()
 
 
 def wait_for_service(
