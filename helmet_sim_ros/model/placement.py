@@ -12,6 +12,7 @@ from helmet_sim_ros.errors import SetupError
 from helmet_sim_ros.model.force import contact as contacts
 from helmet_sim_ros.model.force.bodies import motion_of
 from helmet_sim_ros.model.force.contact import Contact
+from helmet_sim_ros.model.helmet import Shell
 from helmet_sim_ros.model.setup import ImpactSetup
 from helmet_sim_ros.model.surface.compiled import Surface
 
@@ -25,6 +26,7 @@ def place(
     contact: Contact,
     surface: Surface,
     setup: ImpactSetup,
+    shell: Shell,
 ) -> tuple[str, ...]:
     """Set pose and velocity: helmet just touching the surface's target, all moving as one.
 
@@ -34,6 +36,7 @@ def place(
         contact: what may touch the surface besides a foam liner.
         surface: what is struck.
         setup: of the impact.
+        shell: of the helmet.
 
     Returns:
         What a user should know about the pose, in words.
@@ -46,7 +49,6 @@ def place(
     normal = frame[:, 2]
     # All joints at rest: posture and neck flexion are the springs' reference angles.
     data.qpos[7:] = model.qpos_spring[7:]
-    shell = setup.helmet_config.shell
     down = rotation.T @ -normal
     axes = np.array(shell.semi_axes)
     touch = np.array(shell.center) + axes**2 * down / np.linalg.norm(axes * down)
