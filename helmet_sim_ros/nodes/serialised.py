@@ -1,4 +1,4 @@
-"""Samples as serialised messages, many at once: the same bytes as from one message each.
+"""Samples as serialised messages, many at once, for the log.
 
 Every message of a channel is as long as the next, and only its stamp and its numbers change. So one
 is serialised by the middleware, with numbers that tell where each of them lies, and the others are

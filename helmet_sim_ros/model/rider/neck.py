@@ -17,7 +17,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from helmet_sim_ros.biomech.record import FloatArray
-from helmet_sim_ros.model.force.neck import CervicalSpine, bending_excess
+from helmet_sim_ros.model.force.neck import CervicalSpine, largest_excess
 from helmet_sim_ros.model.rider.anthropometry import Anthropometry, Segment, cylinder
 from helmet_sim_ros.model.rider.properties import Neck
 
@@ -154,7 +154,7 @@ def overload(neck: CervicalSpine, positions: FloatArray) -> tuple[str, ...]:
     for i, name in enumerate(JOINTS):
         first = neck.qpos[i]
         bent = Rotation.from_quat(positions[:, [first + 1, first + 2, first + 3, first]])
-        excess = max(bending_excess((x, y, z), neck.ranges[i])[0] for x, y, z in bent.as_rotvec())
+        excess = largest_excess(bent.as_rotvec(), neck.ranges[i])
         if excess > TOLD_EXCESS:
             notes.append(f"{name} bent {math.degrees(excess):.0f} deg beyond its range of motion")
     return tuple(notes)
