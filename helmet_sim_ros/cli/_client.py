@@ -14,6 +14,14 @@ from helmet_sim_ros.errors import NodeError
 TICK = 0.1
 
 
+def no_ros(error: ImportError) -> NodeError:
+    """What to say where no ROS 2 Python client is installed."""
+    return NodeError(
+        f"ROS 2 is not importable ({error}); source a ROS 2 workspace, or install the wheels: "
+        "pip install 'helmet_sim_ros[ros]'"
+    )
+
+
 @contextmanager
 def ros_client() -> Iterator[Any]:
     """A node for calls and subscriptions; it is gone when the block ends.
@@ -25,10 +33,7 @@ def ros_client() -> Iterator[Any]:
         import rclpy
         from rclpy.signals import SignalHandlerOptions
     except ImportError as error:
-        raise NodeError(
-            f"ROS 2 is not importable ({error}); source a ROS 2 workspace, or install the wheels: "
-            "pip install 'helmet_sim_ros[ros]'"
-        ) from error
+        raise no_ros(error) from error
     shared = rclpy.ok()  # with nodes in this process
     if not shared:
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
