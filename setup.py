@@ -36,6 +36,12 @@ REPORT = [
     "pyarrow>=15",
 ]
 
+#: The explorer in the browser.
+EXPLORE = [
+    "markupsafe",
+    "viser>=1.1",
+]
+
 #: The documentation site, `make docs`.
 DOCS = [
     "mkdocs-click>=0.8",
@@ -50,10 +56,12 @@ EXTRAS = {
         f"ros-jazzy-common-interfaces==5.3.6; {WHEELS}",
     ],
     "docs": DOCS,
+    "explore": EXPLORE,
     "report": REPORT,
     "study": STUDY,
     "test": [
         *DOCS,
+        *EXPLORE,
         *REPORT,
         *STUDY,
         "colcon-common-extensions",
@@ -111,6 +119,7 @@ setup(
         "annotated-types",
         "click>=8.1",
         "llvmlite",
+        "lz4",
         "mcap>=1.2",
         "mujoco>=4,<5",
         "numba>=0.61",
@@ -120,6 +129,7 @@ setup(
         "rich>=13",
         "rosbags>=0.10",
         "scipy>=1.11",
+        "zstandard",
     ],
     extras_require=EXTRAS,
     entry_points={"console_scripts": ["helmet-sim = helmet_sim_ros.cli:main"]},

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from functools import lru_cache
 from pathlib import Path
 
-from helmet_sim_ros.errors import SetupError
+from helmet_sim_ros.errors import SetupError, did_you_mean
 from helmet_sim_ros.names import check_path
 
 PACKAGE = "helmet_sim_ros"
@@ -59,8 +59,9 @@ def find_config(kind: str, name_or_path: str, key: str, suffix: str = ".yaml") -
     folder = share_directory() / "config" / kind
     path = folder / f"{name_or_path}{suffix}"
     if not _is_file(path):
-        known = ", ".join(sorted(p.stem for p in folder.glob(f"*{suffix}")))
-        raise SetupError.of(key, name_or_path, f"must be one of {known}, or a path to a {suffix}")
+        known = sorted(p.stem for p in folder.glob(f"*{suffix}"))
+        allowed = f"must be one of {', '.join(known)}, or a path to a {suffix}"
+        raise SetupError.of(key, name_or_path, allowed + did_you_mean(name_or_path, known))
     return path
 
 

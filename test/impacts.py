@@ -53,8 +53,7 @@ class Impacts:
         session.add(block, serialize_message(samples.to_message(block)))
         session.end_impact(Assembled(name, start, total, self.record))
         time_ns = round((start + float(self.record.time[-1])) * 1e9)
-        criteria = from_evaluation(self.evaluation, name, time_ns, self.digest)
-        session.add_criteria(time_ns, serialize_message(criteria))
+        session.add_criteria(from_evaluation(self.evaluation, name, time_ns, self.digest))
 
 
 def session(path: Path) -> LogSession:

@@ -85,6 +85,5 @@ def _add(
     evaluation = evaluate(record, result.study.file.standard)
     end = float(record.time[-1])
     time_ns = nanoseconds(start, end)
-    criteria = diagnostics.from_evaluation(evaluation, name, time_ns, digest)
-    session.add_criteria(time_ns, serialize_message(criteria))
+    session.add_criteria(diagnostics.from_evaluation(evaluation, name, time_ns, digest))
     return evaluation.criteria[criterion].value, (math.floor((start + end) / SPACING) + 1) * SPACING

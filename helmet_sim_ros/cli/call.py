@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import click
@@ -76,6 +76,24 @@ def impact(
     # Refuse bad input before anyone is asked; what of sim.* is no part of a setup the node judges.
     setup_from_names({k: v for k, v in values.items() if not k.startswith("sim.") or k in own})
 
+    for key, value in ask_for_impact(values, namespace, timeout, domain_id).items():
+        Console(highlight=False).print(f"{key}: {value}", soft_wrap=True)
+
+
+def ask_for_impact(
+    values: Mapping[str, Any], namespace: str, timeout: float, domain_id: int | None = None
+) -> dict[str, Any]:
+    """Set values on a running simulation and run one impact; its answer.
+
+    Args:
+        values: by dotted names; what is not given stays as it is on the node.
+        namespace: of the nodes.
+        timeout: longest wait for an answer [s].
+        domain_id: ROS domain; None: ``ROS_DOMAIN_ID``.
+
+    Raises:
+        NodeError: no simulation was found, or it refused, or did not answer in time.
+    """
     prepare_environment(domain_id)
     with ros_client() as node:
         from rcl_interfaces.srv import SetParametersAtomically
@@ -90,8 +108,9 @@ def impact(
         for client in (change, run):
             wait_for_service(node, client, min(timeout, FIND_TIMEOUT))
         if values:
+            plain = {k: list(v) if isinstance(v, tuple) else v for k, v in values.items()}
             request = SetParametersAtomically.Request(
-                parameters=[Parameter(k, value=v).to_parameter_msg() for k, v in values.items()]
+                parameters=[Parameter(k, value=v).to_parameter_msg() for k, v in plain.items()]
             )
             result = call(node, change, request, timeout).result
             if not result.successful:
@@ -103,11 +122,11 @@ def impact(
     impact_id, ran = ran_impact(answer.message)
     if ran != asked:
         raise NodeError(not_asked(impact_id, ran, asked))
-    for key, value in json.loads(answer.message).items():
-        Console(highlight=False).print(f"{key}: {value}", soft_wrap=True)
+    found: dict[str, Any] = json.loads(answer.message)
+    return found
 
 
-def asked_setup(node: Any, prefix: str, given: dict[str, Any], timeout: float) -> ImpactSetup:
+def asked_setup(node: Any, prefix: str, given: Mapping[str, Any], timeout: float) -> ImpactSetup:
     """The whole setup that is asked for: what is given, all else as it stands on the simulation.
 
     Raises:
@@ -125,5 +144,5 @@ def asked_setup(node: Any, prefix: str, given: dict[str, Any], timeout: float) -
     wait_for_service(node, client, min(timeout, FIND_TIMEOUT))
     answer = call(node, client, GetParameters.Request(names=list(leaves)), timeout)
     there = zip(leaves, map(parameter_value_to_python, answer.values), strict=False)
-    values = dict(there) | given
+    values = dict(there) | dict(given)
     return configuration({k: coerced(leaves[k], v) for k, v in values.items()}).setup

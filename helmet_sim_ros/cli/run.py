@@ -30,7 +30,7 @@ from helmet_sim_ros.resources import is_path
 from helmet_sim_ros.study.scenario.matrix import Case
 
 #: Values of a setup that name a file or something shipped.
-FILE_VALUES = ("helmet.name", "impact.surface", "head.surface")
+FILE_VALUES = ("helmet.name", "impact.surface", "head.surface", "head.form")
 #: How long the nodes may take until they answer [s]; a loaded machine needs a few, and the very
 #: first start compiles.
 START_TIMEOUT = 180.0
@@ -76,7 +76,8 @@ def command(
     prepare_environment(domain_id)
     # The nodes open no file because a client names it, except these.
     told = [case.setup.described() for case in plan.cases]
-    files = {values[name] for values in told for name in FILE_VALUES if is_path(values[name])}
+    chosen = {values[name] for values in told for name in FILE_VALUES if values[name] is not None}
+    files = filter(is_path, chosen)
     named = sorted(str(Path(name).expanduser().resolve()) for name in files)
     paths: dict[str, Any] = {"config_paths": named} if named else {}
     parameters: dict[str, dict[str, Any]] = {

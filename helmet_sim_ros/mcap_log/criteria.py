@@ -51,7 +51,7 @@ def evaluation_of(array: Any) -> tuple[str, Evaluation]:
             window = None if t1 is None else [t1, t2]
             data["criteria"][status.name] = values | {"name": status.name, "window": window}
         return first.hardware_id, Evaluation.from_dict(data)
-    except (ValueError, TypeError, PulseError) as error:
+    except (ValueError, TypeError, RecursionError, PulseError) as error:
         raise LogError(f"not criteria of an impact: {error}") from error
 
 

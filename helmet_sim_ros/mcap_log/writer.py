@@ -12,7 +12,9 @@ from mcap.well_known import MessageEncoding, Profile, SchemaEncoding
 from mcap.writer import CompressionType, Writer
 
 from helmet_sim_ros.errors import LogError
+from helmet_sim_ros.mcap_log.layout import FORMAT_KEY, FORMAT_VERSION, RUN
 from helmet_sim_ros.mcap_log.schemas import message_definition, type_hash
+from helmet_sim_ros.mcap_log.seal import sealed
 
 #: Suffix of a log that is still being written, or that was never finished.
 PART = ".part"
@@ -34,6 +36,7 @@ class LogWriter:
             LogError: it exists, or cannot be written.
         """
         self.path = path
+        self._library = library
         self._part = path.with_name(path.name + PART)
         if path.exists():
             raise LogError(f"{path}: exists already")
@@ -41,7 +44,7 @@ class LogWriter:
             self._stream = open(self._part, "xb")  # noqa: SIM115 - closed by close()
         except OSError as error:
             raise LogError(f"{self._part}: cannot be created: {error.strerror}") from error
-        self._writer = Writer(self._stream, compression=CompressionType.ZSTD)
+        self._writer = Writer(self._stream, compression=CompressionType.ZSTD, enable_data_crcs=True)
         for name in ("chunk_indices", "metadata_indexes", "attachment_indexes"):
             setattr(self._writer, f"_Writer__{name}", _Packed())
         self._channels: dict[str, int] = {}
@@ -68,7 +71,11 @@ class LogWriter:
             self._schemas[type_name] = self._guarded(
                 self._writer.register_schema, type_name, SchemaEncoding.ROS2, definition
             )
-        metadata = {"offered_qos_profiles": qos, "topic_type_hash": type_hash(type_name)}
+        metadata = {
+            "offered_qos_profiles": qos,
+            "topic_type_hash": type_hash(type_name),
+            FORMAT_KEY: str(FORMAT_VERSION),
+        }
         self._channels[topic] = self._guarded(
             self._writer.register_channel,
             topic, MessageEncoding.CDR, self._schemas[type_name], metadata,
@@ -82,9 +89,13 @@ class LogWriter:
             raise self._failed(error) from error
 
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
-        """Append a named metadata record; all messages so far stand before it in the file."""
+        """Append a named metadata record, sealed; all messages so far stand before it in the file.
+
+        The record of the run also gets what wrote the file: MCAP's own header has no checksum.
+        """
         self.flush()
-        self._guarded(self._writer.add_metadata, name, dict(values))
+        values = {**values, "library": self._library} if name == RUN else values
+        self._guarded(self._writer.add_metadata, name, sealed(name, values))
 
     def attach(self, name: str, media_type: str, text: str, time_ns: int) -> None:
         """Append a text file as attachment, at a simulation time [ns]."""

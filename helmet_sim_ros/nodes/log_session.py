@@ -11,6 +11,7 @@ from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.serialization import serialize_message
 
 from helmet_sim_ros.biomech.record import ImpactRecord, from_block
@@ -146,8 +147,14 @@ class LogSession:
             self._writer.attach(self._models[digest], "application/xml", text, self.end_ns)
         return self._models[digest]
 
-    def add_criteria(self, time_ns: int, serialized: bytes) -> None:
+    def add_criteria(self, message: DiagnosticArray) -> None:
         """Append the criteria of an impact; they survive a crash from here on."""
+        stamp = message.header.stamp
+        time_ns = stamp.sec * 1_000_000_000 + stamp.nanosec
+        self.add_serialized_criteria(time_ns, serialize_message(message))
+
+    def add_serialized_criteria(self, time_ns: int, serialized: bytes) -> None:
+        """The same for a message as it came, and its time."""
         self._writer.write(self._resolve(CRITERIA_TOPIC), time_ns, serialized)
         self._writer.flush()
 

@@ -221,7 +221,7 @@ class RecorderNode(Node):
         """Write the criteria of an impact, or why it has none, and then tell that it is on disk."""
         message, level = "recording", DiagnosticStatus.OK
         if judged is not None and not reason:
-            session.add_criteria(judged.time_ns, judged.serialized)
+            session.add_serialized_criteria(judged.time_ns, judged.serialized)
         else:
             session.note_no_criteria(impact_id, reason)
             message, level = f"impact {impact_id} has no criteria: {reason}", DiagnosticStatus.WARN

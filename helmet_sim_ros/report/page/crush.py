@@ -28,6 +28,11 @@ def crush_panel(record: ImpactRecord) -> dict[str, object] | None:
     residual, position = record.extras.get("residual_crush"), record.extras.get("column_position")
     if not isinstance(residual, np.ndarray) or not isinstance(position, np.ndarray):
         return None
+    return crush_map(residual, position)
+
+
+def crush_map(residual: FloatArray, position: FloatArray) -> dict[str, object] | None:
+    """:func:`crush_panel` of residual crush (n,) and position of the columns (n, 3) [m]."""
     if residual.ndim != 1 or position.shape != (len(residual), 3) or not len(residual):
         return None
     worst = float(residual.max())

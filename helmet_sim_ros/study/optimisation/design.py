@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.errors import SetupError
-from helmet_sim_ros.model.helmet import Helmet, Shell
 from helmet_sim_ros.model.force.columns import Columns, columns, zoned
+from helmet_sim_ros.model.helmet import Helmet, Shell
 from helmet_sim_ros.schema import Config, quantity
 
 #: Values that follow from the others and cannot be varied by themselves.
