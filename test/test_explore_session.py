@@ -234,6 +234,16 @@ def test_another_helmet_comes_with_its_own_values(session):
     assert session.slot("A").setup.helmet_config == load_helmet("bicycle")
 
 
+def test_a_value_without_effect_is_refused_and_one_that_stops_having_any_is_set_back(session):
+    assert session.change("A", "helmet.spring.energy_loss", 0.9)
+    assert session.change("A", "helmet.coupling", "foam")
+    assert session.slot("A").changes == {"helmet.coupling": "foam"}
+    assert "set back" in session.refusal and "helmet.spring.energy_loss" in session.refusal
+    assert not session.change("A", "helmet.spring.energy_loss", 0.8)
+    assert "no effect" in session.refusal
+    assert session.slot("A").changes == {"helmet.coupling": "foam"}
+
+
 def test_b_begins_as_a_and_is_told_apart(session):
     session.start()
     session.open_b()

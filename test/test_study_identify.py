@@ -16,6 +16,7 @@ from helmet_sim_ros.study.identification.drop_tests import (
     DropTest,
     drop_test,
     loop_energy_loss,
+    padding_stroke,
     simulated_drops,
 )
 from helmet_sim_ros.study.identification.fit import identify
@@ -29,15 +30,15 @@ def base() -> Helmet:
 
 
 def synthetic(noise: float = 0.0, seed: int = 0) -> list[DropTest]:
-    """Peaks that lie on known laws, the shell's bending added."""
+    """Peaks that lie on known laws, the shell's bending and the padding's stroke added."""
     rng, tests = np.random.default_rng(seed), []
     for side, (scale, exponent) in LAWS.items():
         for speed in SPEEDS:
             depth = 0.0036 * speed
             force = scale * math.expm1(exponent * depth) * (1.0 + noise * rng.standard_normal())
-            tests.append(
-                DropTest(side, speed, force, depth + force / base().shell.contact_stiffness)
-            )
+            depth += force / base().shell.contact_stiffness
+            depth += float(padding_stroke(base(), side, np.array([force]))[0])
+            tests.append(DropTest(side, speed, force, depth))
     return tests
 
 

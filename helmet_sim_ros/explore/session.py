@@ -159,15 +159,15 @@ class Session:
                 changes = dict(slot.changes) | {name: value}
                 if name == HELMET:  # another helmet comes with all its own values
                     changes = {k: v for k, v in changes.items() if k == name or not _helmet(k)}
-                new = slot_of(changes)
+                new, dropped = _fitting(changes, name)
             except HelmetSimError as error:
                 self._refuse(name, str(error))
                 return False
             # A browser sets a number that was typed beyond a limit to this limit when the field
             # is left: what was refused must still be read then.
             at_limit = changed.leaf.minimum == value or changed.leaf.maximum == value
-            if not (at_limit and name == self._refused_key):
-                self._refuse("", "")
+            if dropped or not (at_limit and name == self._refused_key):
+                self._refuse("", dropped)
             if new.digest != slot.digest or side in self._logged:
                 self._slots[side] = new
                 self._logged.pop(side, None)
@@ -273,6 +273,25 @@ def slot_of(changes: Mapping[str, Any]) -> Slot:
     return Slot(kept, setup_from_names(kept))
 
 
+def _fitting(changes: Mapping[str, Any], turned: str) -> tuple[Slot, str]:
+    """A slot, if need be without earlier changes that do not go with the value turned last.
+
+    Returns:
+        The slot, and what was set back, in words.
+
+    Raises:
+        SetupError: the value turned last is refused itself.
+    """
+    try:
+        return slot_of(changes), ""
+    except SetupError as error:
+        others = {problem.key for problem in error.problems}
+        if turned in others or not others <= set(changes):
+            raise
+        kept = {name: value for name, value in changes.items() if name not in others}
+        return slot_of(kept), f"set back, because refused now: {error}"
+
+
 def logged_slot(described: Mapping[str, Any]) -> Slot:
     """The slot behind a recorded setup, also where its helmet's file is not on this machine.
 
@@ -290,7 +309,7 @@ def logged_slot(described: Mapping[str, Any]) -> Slot:
     except SetupError:
         # A log carries every value of its helmet, so any helmet can stand in for the file.
         changes.pop(HELMET, None)
-        return slot_of(changes)
+        return _fitting(changes, "")[0]
 
 
 def _computed(wanted: _Wanted, check: Callable[[], None]) -> Shown:

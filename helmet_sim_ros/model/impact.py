@@ -27,12 +27,13 @@ from helmet_sim_ros.model.force.bodies import (
     motion_of,
     no_loads,
 )
-from helmet_sim_ros.model.force.fit import fit
+from helmet_sim_ros.model.force.fit import Fit, fit
 from helmet_sim_ros.model.force.foam import LIMIT, LINEAR_FROM, residual_strains
 from helmet_sim_ros.model.force.liner import CrushingLiner, crushing_liner
 from helmet_sim_ros.model.force.shell import plate
 from helmet_sim_ros.model.force.spring import coupling_spring
 from helmet_sim_ros.model.helmet import Helmet
+from helmet_sim_ros.model.layout import Layout
 from helmet_sim_ros.model.loop import Clock, Engine, Forces, Rows, advance
 from helmet_sim_ros.model.rider.neck import overload
 from helmet_sim_ros.model.setup import ImpactSetup
@@ -103,7 +104,7 @@ class Impact:
             world.contact,
             liner,
             plate(helmet, liner),
-            fit(helmet, setup.head_surface, layout.fit, layout.fit_velocity),
+            self.fresh_fit(),
         )
         self._engine = Engine(
             parts.model._address, data._address, data.qacc_smooth, data.qacc, data.xfrc_applied,
@@ -138,6 +139,16 @@ class Impact:
         if self._done < last:
             raise DivergedError(self._done * self.setup.time_step, self.setup.described())
         return self._done
+
+    @property
+    def layout(self) -> Layout:
+        """Where named quantities stand in the model's vectors."""
+        return self._layout
+
+    def fresh_fit(self) -> Fit:
+        """How the head sits in the helmet at the first touch."""
+        layout = self._layout
+        return fit(self.helmet, self.setup.head_surface, layout.fit, layout.fit_velocity)
 
     def block(self, first: int, last: int) -> FloatArray:
         """Finished samples ``first`` to ``last`` (exclusive), shape (last - first, len(labels))."""

@@ -20,7 +20,7 @@ from rclpy.task import Future
 
 from helmet_sim_ros.errors import HelmetSimError, SetupError
 from helmet_sim_ros.nodes.environment import prepare_environment
-from helmet_sim_ros.nodes.parameters import CONFIG_PATHS
+from helmet_sim_ros.nodes.parameters import config_paths
 from helmet_sim_ros.nodes.teardown import ending_anyway
 from helmet_sim_ros.resources import restrict_reach
 
@@ -61,7 +61,7 @@ def run_node(name: str, create: Callable[[], Node], args: list[str] | None = Non
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         node = create()
-        restrict_reach(node.get_parameter(CONFIG_PATHS.name).value or ())
+        restrict_reach(config_paths(node))
         executor = SingleThreadedExecutor()
         executor.add_node(node)
         while not stopped and rclpy.ok():
