@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 from typing import Any
 
@@ -154,11 +154,11 @@ class Impact:
         """Finished samples ``first`` to ``last`` (exclusive), shape (last - first, len(labels))."""
         if not 0 <= first <= last <= self._done:
             raise IndexError(f"samples {first} to {last} of {self._done} finished")
-        return to_block(self._slice(first, last))
+        return to_block(self._slice(first, last, {}))
 
     def record(self) -> ImpactRecord:
         """All finished samples."""
-        return self._slice(0, self._done)
+        return self._slice(0, self._done, self.extras())
 
     @property
     def model(self) -> mujoco.MjModel:
@@ -173,7 +173,7 @@ class Impact:
         """The model as MJCF text, for provenance and replay in other tools."""
         return str(self._spec.to_xml())
 
-    def _slice(self, first: int, last: int) -> ImpactRecord:
+    def _slice(self, first: int, last: int, extras: Mapping[str, Any]) -> ImpactRecord:
         rows = Rows(*(array[first:last] for array in self._rows))
         q, v, sensors, helmet_load = rows.qpos, rows.qvel, rows.sensors, rows.surface[:, HELMET]
         layout, rider = self._layout, self.setup.rig == "rider"
@@ -216,7 +216,7 @@ class Impact:
             joint_positions=layout.positions(q),
             joint_velocities=v.take(layout.qvel, axis=1),
             setup=MappingProxyType(self.setup.described()),
-            extras=MappingProxyType(self.extras()),
+            extras=MappingProxyType(extras),
         )
 
     def extras(self) -> dict[str, Any]:

@@ -65,10 +65,10 @@ def run_node(name: str, create: Callable[[], Node], args: list[str] | None = Non
         executor = SingleThreadedExecutor()
         executor.add_node(node)
         while not stopped and rclpy.ok():
-            _serve(executor, node)
+            serve(executor, node)
         patience = time.monotonic() + LEAVING
         while getattr(node, "leaving", bool)() and rclpy.ok() and time.monotonic() < patience:
-            _serve(executor, node)
+            serve(executor, node)
     except ExternalShutdownException:
         pass
     except SetupError as error:
@@ -87,7 +87,7 @@ def run_node(name: str, create: Callable[[], Node], args: list[str] | None = Non
     return code
 
 
-def _serve(executor: SingleThreadedExecutor, node: Node) -> None:
+def serve(executor: SingleThreadedExecutor, node: Node) -> None:
     """One round of the executor. A failed callback is reported and the node lives on."""
     try:
         executor.spin_once(timeout_sec=_POLL)

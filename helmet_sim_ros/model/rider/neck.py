@@ -17,7 +17,7 @@ import numpy as np
 
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.biomech.rotation import rotation_vectors
-from helmet_sim_ros.model.force.neck import CervicalSpine, bending_excess
+from helmet_sim_ros.model.force.neck import CervicalSpine, largest_excess
 from helmet_sim_ros.model.rider.anthropometry import Anthropometry, Segment, cylinder
 from helmet_sim_ros.model.rider.properties import Neck
 
@@ -156,7 +156,7 @@ def overload(neck: CervicalSpine, positions: FloatArray) -> tuple[str, ...]:
     for i, name in enumerate(JOINTS):
         first = neck.qpos[i]
         bent = rotation_vectors(positions[:, [first + 1, first + 2, first + 3, first]])
-        excess = max(bending_excess((x, y, z), neck.ranges[i])[0] for x, y, z in bent)
+        excess = largest_excess(bent, neck.ranges[i])
         if excess > TOLD_EXCESS:
             notes.append(f"{name} bent {math.degrees(excess):.0f} deg beyond its range of motion")
     return tuple(notes)
