@@ -361,3 +361,17 @@ def test_a_light_stiff_shell_stays_stable(normal: float, mass: float, stiffness:
     coarse = simulate(ImpactSetup(time_step=5e-5, overrides=overrides, **common))
     fine = simulate(ImpactSetup(time_step=5e-6, overrides=overrides, **common))
     assert coarse.ground_force[:, 2].max() == pytest.approx(fine.ground_force[:, 2].max(), rel=0.01)
+
+
+@pytest.mark.parametrize("form", ["spring", "foam"])
+@pytest.mark.parametrize("modulus", [2e5, 1e6])
+def test_a_stiff_padding_stays_stable(form: str, modulus: float) -> None:
+    """Its damping is explicit too, and acts on the light inside of the helmet."""
+    peaks = [
+        peak_g(simulate(ImpactSetup(
+            tangential_velocity=10.0, duration=0.02, time_step=step,
+            overrides={"helmet.coupling": form, "helmet.padding.modulus": modulus},
+        )))
+        for step in (5e-5, 5e-6)
+    ]  # fmt: skip
+    assert peaks[0] == pytest.approx(peaks[1], rel=0.01)
