@@ -170,6 +170,22 @@ def test_a_stale_computation_ends_as_soon_as_it_looks():
     assert answers == [1] and looks == [0]
 
 
+def test_an_answer_that_cannot_be_shown_does_not_end_the_worker(caplog):
+    seen: list[int] = []
+
+    def deliver(key: str, answer: int) -> None:
+        if answer == 0:
+            raise RuntimeError("the browser is gone")
+        seen.append(answer)
+
+    worker = LatestWins(lambda request, check: request, deliver)
+    for number in (0, 1):
+        worker.submit("a", number)
+        assert worker.wait_idle(PATIENCE)
+    worker.close()
+    assert seen == [1] and "the browser is gone" in caplog.text
+
+
 # the session
 
 

@@ -92,16 +92,20 @@ def test_a_slow_push_goes_as_far_as_is_said(
 
 
 def test_a_press_and_its_release_lose_all_but_the_stated_share() -> None:
-    for returned in (0.1, 0.3):
+    """Or, where that is more, what skin and skull give back over their elastic way."""
+    shares = []
+    for returned in (0.05, 0.3, 0.45):
         fit = one_patch(worn(friction=0.0, damping=0.0, energy_returned=returned))
         inwards = -normal_of(fit, np.zeros(3))
-        way = np.linspace(0.0, 0.8 * fit.padding.thickness, 4001)
-        forces = [acting(fit, d * inwards)[:3] @ -inwards for d in way]
-        released = [acting(fit, d * inwards)[:3] @ -inwards for d in way[::-1]]
+        way = np.linspace(0.0, 0.5 * fit.padding.thickness, 4001)
+        forces = [acting(fit, d * inwards, step=1e-9)[:3] @ -inwards for d in way]
+        released = [acting(fit, d * inwards, step=1e-9)[:3] @ -inwards for d in way[::-1]]
         taken, given = np.trapezoid(forces, way), np.trapezoid(released[::-1], way)
-        assert taken == pytest.approx(fit.area[0] * law.energy(fit.padding, way[-1]), rel=0.01)
-        # One part in a hundred of the compression recovers within these 4 ms.
-        assert given / taken == pytest.approx(returned, rel=0.1)
+        full, energy = law.pressure(fit.padding, way[-1]), law.energy(fit.padding, way[-1])
+        assert taken == pytest.approx(fit.area[0] * energy, rel=0.01)
+        shares.append(max(returned, law.ELASTIC * full / (2.0 * energy)))
+        assert given / taken == pytest.approx(shares[-1], rel=0.01)
+    assert shares[0] > 0.05 and shares[-1] == 0.45
 
 
 def test_a_padding_never_gives_back_more_than_it_took_up() -> None:
@@ -150,20 +154,21 @@ def test_a_padding_recovers_after_the_blow() -> None:
 @pytest.mark.parametrize("friction", [0.0, 0.16, 0.75])
 def test_friction_is_bounded_by_the_pressure_of_its_own_patch(friction: float) -> None:
     fit = one_patch(worn(friction=friction, damping=0.0))
-    normal = normal_of(fit, np.zeros(3))
-    along = np.cross(normal, [0.0, 0.0, 1.0])
-    along /= np.linalg.norm(along)
+    inwards = -normal_of(fit, np.zeros(3))
     ratios = []
     for step in range(400):
-        deep = 0.002 * (1.0 + 0.02 * np.sin(0.05 * step))
-        force = acting(fit, -deep * normal, speed=3.0 * along, step=1e-5)[:3]
+        shift = 0.002 * (1.0 + 0.02 * np.sin(0.05 * step)) * inwards
+        normal = normal_of(fit, shift)
+        along = np.cross(normal, [0.0, 0.0, 1.0])
+        along /= np.linalg.norm(along)
+        force = acting(fit, shift, speed=3.0 * along, step=1e-5)[:3]
         pressed = force @ normal
         rubbed = force - pressed * normal
         assert pressed > 0.0
-        assert np.linalg.norm(rubbed) <= friction * pressed * (1 + 1e-9)
-        assert rubbed @ along <= 0.0
+        assert np.linalg.norm(rubbed) <= friction * pressed * (1 + 1e-9) + 1e-9
+        assert rubbed @ along <= 1e-9
         ratios.append(float(np.linalg.norm(rubbed) / pressed))
-    assert max(ratios) == pytest.approx(friction, rel=1e-6)
+    assert max(ratios) == pytest.approx(friction, rel=1e-6, abs=1e-9)
 
 
 def test_below_its_limit_a_patch_shears_like_padding_and_skin_in_series() -> None:

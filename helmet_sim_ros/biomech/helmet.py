@@ -15,11 +15,11 @@ from helmet_sim_ros.biomech.pulse import (
     real_number,
     same_length,
 )
+from helmet_sim_ros.biomech.record import HORIZONTAL
 
 #: Share of the peak normal force below which no instantaneous force ratio is formed: at first
 #: touch and lift-off both forces vanish and their quotient says nothing.
 CONTACT_LEVEL = 0.05
-HORIZONTAL = np.array([1.0, 1.0, 0.0])
 
 
 class Energy(NamedTuple):

@@ -6,7 +6,6 @@ Nothing here knows a browser: the page calls the methods and is told by ``change
 from __future__ import annotations
 
 import hashlib
-import json
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -18,7 +17,8 @@ from helmet_sim_ros.biomech.result import Evaluation
 from helmet_sim_ros.biomech.standards import DEFAULT_STANDARD, load_standard
 from helmet_sim_ros.errors import HelmetSimError, SetupError
 from helmet_sim_ros.explore.controls import HELMET, control, controls, values_of
-from helmet_sim_ros.explore.latest import LatestWins
+from helmet_sim_ros.explore.latest import LatestWins, Stale
+from helmet_sim_ros.mcap_log.digest import setup_digest
 from helmet_sim_ros.model.setup import ImpactSetup, setup_from_names
 
 Side = Literal["A", "B"]
@@ -29,13 +29,15 @@ _SLICE = 400
 
 
 def digest(described: Mapping[str, Any]) -> str:
-    """A short name of a complete setup: equal setups, and only they, have the same one.
+    """A short name of a complete setup, the first digits of the digest in logs and answers.
 
     Args:
         described: ``setup.described()``, or the ``setup`` of a record.
     """
-    text = json.dumps(dict(described), sort_keys=True, default=list)
-    return hashlib.sha256(text.encode()).hexdigest()[:8]
+    try:
+        return setup_digest(dict(described))[:8]
+    except (TypeError, ValueError):  # a log of somebody else's, with NaN in its setup
+        return hashlib.sha256(repr(sorted(described.items())).encode()).hexdigest()[:8]
 
 
 @dataclass(frozen=True)
@@ -326,6 +328,10 @@ def _computed(wanted: _Wanted, check: Callable[[], None]) -> Shown:
                               else wanted.standard)  # fmt: skip
     except HelmetSimError as refused:
         error = str(refused)
+    except Stale:
+        raise
+    except Exception as mistake:  # the page goes on with the next setup
+        error = f"unexpected {type(mistake).__name__}: {mistake}"
     described = record.setup if record is not None else {}
     if record is None and wanted.setup is not None:
         described = wanted.setup.described()
