@@ -85,21 +85,10 @@ class Liner(Config):
     energy_returned: float = quantity(
         "share of the crushing energy that unloading gives back", "-", 0.05, ge=0.005, le=0.5
     )
-    head_friction: float = quantity("friction of head in liner", "-", 0.5, ge=0.0, le=5.0)
-    padding_stiffness: float = quantity(
-        "shear stiffness of comfort padding and scalp between head and liner",
-        "N/m", 300e3, ge=1e3, le=1e8,
+    effective_mass: float = quantity(
+        "part of the liner's mass that stops with its struck part; the rest moves with the head",
+        "kg", 0.05, gt=0.0, le=1.0,
     )  # fmt: skip
-    padding_relaxation: float = quantity(
-        "damping over stiffness of comfort padding and scalp", "s", 1e-3, ge=0.0, le=1e-2
-    )
-    retention_stiffness: float = quantity(
-        "rotational stiffness by which chin strap and cheek pads hold the helmet on the head",
-        "N m/rad", 20.0, ge=0.0, le=1e4,
-    )  # fmt: skip
-    retention_damping: float = quantity(
-        "rotational damping of chin strap and cheek pads", "N m s/rad", 0.5, ge=0.0, le=100.0
-    )
     columns: int = quantity("foam columns over the whole shell", "-", 1000, ge=50, le=20000)
     front: Zone = Field(default_factory=Zone)
     back: Zone = Field(default_factory=Zone)
@@ -117,6 +106,38 @@ class Liner(Config):
         return self.density if own is None else own
 
 
+class Padding(Config):
+    """Comfort padding between head and liner; see model/force/fit.py for the law. General
+    literature values of soft polyurethane foam; not measured for this model."""
+
+    thickness: float = quantity("thickness at rest", "m", 0.006, ge=1e-3, le=0.03)
+    modulus: float = quantity("initial modulus in compression", "Pa", 60e3, ge=1e3, le=1e7)
+    densification: float = quantity(
+        "strain at which the pores are closed", "-", 0.9, ge=0.3, le=0.98
+    )
+    damping: float = quantity("damping c of the pressure p (1 + c v)", "s/m", 0.2, ge=0.0, le=5.0)
+    shear_modulus: float = quantity("modulus in shear", "Pa", 100e3, ge=1e3, le=1e8)
+    relaxation: float = quantity("damping over stiffness in shear", "s", 1e-3, ge=0.0, le=1e-2)
+    preload: float = quantity(
+        "compression on the head at rest; below 0: a gap", "m", 0.0, ge=-0.01, le=0.005
+    )
+    lowest: float = quantity(
+        "height down to which the padding covers the head, head frame", "m", -0.06, ge=-0.15, le=0.1
+    )
+    patches: int = quantity("patches over the whole head", "-", 64, ge=16, le=2000)
+
+
+class Strap(Config):
+    """Chin strap; each side pulls from an anchor on the helmet to the chin. The positions are
+    design choices of the generic helmets."""
+
+    anchor: Vector = quantity("left anchor in the helmet frame", "m", (0.0, 0.075, -0.05))
+    chin: Vector = quantity("where the strap meets the chin, head frame", "m", (0.055, 0.0, -0.115))
+    slack: float = quantity("elongation before it pulls", "m", 0.005, ge=0.0, le=0.05)
+    stiffness: float = quantity("of each side in tension", "N/m", 30e3, ge=0.0, le=1e6)
+    damping: float = quantity("of each side in tension", "N s/m", 50.0, ge=0.0, le=1e4)
+
+
 class Helmet(Config):
     """A complete helmet. ``coupling`` selects the spring or the foam liner."""
 
@@ -131,6 +152,8 @@ class Helmet(Config):
     )
     spring: Spring
     liner: Liner
+    padding: Padding = Field(default_factory=Padding)
+    strap: Strap = Field(default_factory=Strap)
 
     @model_validator(mode="after")
     def _consistent(self) -> Helmet:

@@ -90,14 +90,14 @@ class Impact:
             parts.stops,
             world.contact,
             crushing_liner(columns, helmet.shell, layout.helmet, shapes, largest),
-            fit(helmet, columns.thickness, layout.head, layout.helmet),
+            fit(helmet, setup.head_surface, layout.fit, layout.fit_velocity),
         )
         self._engine = Engine(
             parts.model._address, data._address, data.qacc_smooth, data.qacc, data.xfrc_applied,
             data.sensordata, data.M, *parts.damped_diagonal, parts.chains,
         )  # fmt: skip
         self._clock = Clock(parts.model.opt.timestep, world.substeps)
-        widths = (parts.model.nq, parts.model.nv, parts.model.nsensordata, 3, (2, COLUMNS), 3)
+        widths = (parts.model.nq, parts.model.nv, parts.model.nsensordata, 6, 3, (2, COLUMNS), 3)
         self._rows = Rows(*(np.zeros((self.total, *np.atleast_1d(w))) for w in widths))
         self._done = 0
 
@@ -154,14 +154,16 @@ class Impact:
         orientation = layout.read(sensors, "head_orientation")[:, [1, 2, 3, 0]]
         position = layout.read(sensors, "head_position")
         helmet_orientation = layout.read(sensors, "helmet_orientation")[:, [1, 2, 3, 0]]
-        turn = matrices(orientation)
+        turn, helmet_turn = matrices(orientation), matrices(helmet_orientation)
+        back = turn.transpose(0, 2, 1)
+        shift = q[:, layout.fit : layout.fit + 3]
         if layout.slide >= 0:
-            displacement = q[:, layout.slide : layout.slide + 3]
-            shell, force = position + _turned(turn, displacement), -rows.coupling
-        else:  # the crushed liner, in the same sense: the surface pushes the shell inwards
-            back = turn.transpose(0, 2, 1)
-            displacement = _turned(back, rows.crush)
-            shell, force = position, _turned(back, _part(helmet_load, FORCE))
+            sprung = q[:, layout.slide : layout.slide + 3]
+            shift = shift + _turned(back, _turned(helmet_turn, sprung))
+            displacement = shift
+        else:  # the crushed liner in the same sense: the surface pushes the shell inwards
+            displacement = shift + _turned(back, rows.crush)
+        helmet_position = position + _turned(turn, shift)
         gravity = np.array([0.0, 0.0, -self.setup.gravity])
         zeros = np.zeros((len(q), 3))
         return ImpactRecord(
@@ -173,13 +175,13 @@ class Impact:
             head_angular_velocity=layout.read(sensors, "head_angular_velocity"),
             head_position=position,
             head_orientation=orientation,
-            helmet_position=shell,
+            helmet_position=helmet_position,
             helmet_orientation=helmet_orientation,
             ground_force=_part(helmet_load, FORCE),
             ground_torque=_part(helmet_load, MOMENT),
             ground_friction=_part(helmet_load, FRICTION),
-            coupling_force=force,
-            coupling_torque=-layout.read(sensors, "coupling_torque"),
+            coupling_force=rows.coupling[:, :3],
+            coupling_torque=rows.coupling[:, 3:],
             coupling_displacement=displacement,
             body_ground_force=_part(rows.surface[:, BODY], FORCE),
             neck_force=layout.read(sensors, "neck_force") if rider else zeros,

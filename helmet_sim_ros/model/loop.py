@@ -108,7 +108,7 @@ class Rows(NamedTuple):
 
     Attributes:
         qpos, qvel, sensors: MuJoCo's.
-        coupling, surface: see :class:`helmet_sim_ros.model.force.bodies.Loads`.
+        coupling, spring, surface: see :class:`helmet_sim_ros.model.force.bodies.Loads`.
         crush: of a foam helmet: depth of the undeformed shell [m] times the outward normal.
     """
 
@@ -116,6 +116,7 @@ class Rows(NamedTuple):
     qvel: FloatArray
     sensors: FloatArray
     coupling: FloatArray
+    spring: FloatArray
     surface: FloatArray
     crush: FloatArray
 
@@ -143,6 +144,7 @@ def sample(engine: Engine, motion: Motion, loads: Loads, rows: Rows, i: int) -> 
     rows.qvel[i] = motion.qvel
     rows.sensors[i] = engine.sensors
     rows.coupling[i] = loads.coupling
+    rows.spring[i] = loads.spring
     rows.surface[i] = loads.surface
 
 
@@ -185,9 +187,9 @@ def advance(
             clear(loads)
             stops.apply(stopped, motion, loads)
             contact.apply(touching, struck, step, motion, loads)
+            fit.apply(fitted, step, motion, loads)
             if foam:
                 liner.apply(crushing, struck, step, motion, loads)
-                fit.apply(fitted, step, motion, loads)
             else:
                 spring.apply(sprung, motion, loads)
             add_generalised(motion, loads, engine.chains)

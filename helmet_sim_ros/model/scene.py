@@ -67,14 +67,13 @@ class Scene:
     def pose(self, record: ImpactRecord, index: int) -> None:
         """Put ``data`` into the pose of one sample of a record of this setup."""
         qpos, model = self.data.qpos, self.model
-        if self.setup.helmet_config.coupling == "spring":
-            first = int(model.joint("coupling_x").qposadr[0])
-            qpos[first : first + 3] = record.coupling_displacement[index]
-        else:
-            turn = Rotation.from_quat(record.head_orientation[index]).inv()
-            turn = turn * Rotation.from_quat(record.helmet_orientation[index])
-            first = int(model.joint("coupling_turn").qposadr[0])
-            qpos[first : first + 4] = turn.as_quat()[[3, 0, 1, 2]]
+        # All of the helmet's motion on the head in the joints of its fit.
+        head = Rotation.from_quat(record.head_orientation[index]).inv()
+        turn = head * Rotation.from_quat(record.helmet_orientation[index])
+        first = int(model.joint("fit_x").qposadr[0])
+        away = record.helmet_position[index] - record.head_position[index]
+        qpos[first : first + 3] = head.apply(away)
+        qpos[first + 3 : first + 7] = turn.as_quat()[[3, 0, 1, 2]]
         for name, value in zip(record.joint_names, record.joint_positions[index], strict=True):
             qpos[int(model.joint(name).qposadr[0])] = value
         rotation = np.empty(9)

@@ -9,6 +9,7 @@ from typing import Any, Literal
 from pydantic import Field, model_validator
 
 from helmet_sim_ros.errors import Problem, SetupError
+from helmet_sim_ros.model.head_surface import HeadSurface, load_head_surface
 from helmet_sim_ros.model.helmet import Helmet, load_helmet
 from helmet_sim_ros.model.surface.config import SurfaceConfig, load_surface
 from helmet_sim_ros.schema import Config, leaf_values, leaves, quantity
@@ -58,6 +59,19 @@ class Rider(Config):
     posture: Posture = Field(default_factory=Posture)
 
 
+class Head(Config):
+    """The head in its helmet."""
+
+    surface: str | None = Field(
+        None,
+        description="surface of the head in the liner: name in config/head_surfaces, or path to a "
+        "YAML file; unset: scalp for a rider, en960 for a headform",
+    )
+    friction: float | None = quantity(
+        "friction of head in liner; unset: that of the surface", "-", None, ge=0.0, le=2.0
+    )
+
+
 class ImpactSetup(Config):
     """One impact, complete. A headform rig uses the head of ``rider`` and ignores its body.
 
@@ -97,6 +111,7 @@ class ImpactSetup(Config):
     gravity: float = quantity("gravity, downwards", "m/s^2", 9.80665, ge=0.0, le=30.0)
     helmet: str = Field("fullface", description="name in config/helmets, or path to a YAML file")
     rider: Rider = Field(default_factory=Rider)
+    head: Head = Field(default_factory=Head)
     duration: float = quantity("simulated time from the first touch", "s", 0.04, ge=1e-3, le=2.0)
     time_step: float = quantity(
         "sampling step; also the integration step, or a whole multiple of it where stability needs "
@@ -124,7 +139,7 @@ class ImpactSetup(Config):
     def _resolvable(self) -> ImpactSetup:
         if self.duration < 10 * self.time_step:
             raise SetupError.of("duration", self.duration, "must be at least 10 time steps")
-        _ = self.helmet_config, self.surface_config  # refuse a bad file now, not when it runs
+        _ = self.helmet_config, self.surface_config, self.head_surface  # refuse a bad file now, not when it runs
         return self
 
     @cached_property
@@ -145,6 +160,15 @@ class ImpactSetup(Config):
     def surface_config(self) -> SurfaceConfig:
         """What is struck."""
         return load_surface(self.surface)
+
+    @cached_property
+    def head_surface(self) -> HeadSurface:
+        """The surface of the head in the liner."""
+        name = self.head.surface or ("scalp" if self.rig == "rider" else "en960")
+        surface = load_head_surface(name)
+        if self.head.friction is None:
+            return surface
+        return surface.replaced({"friction": self.head.friction})  # type: ignore[no-any-return]
 
     @property
     def resolved_friction(self) -> float:
@@ -171,6 +195,8 @@ class ImpactSetup(Config):
         values["impact.neck_flexion_deg"] = self.resolved_neck_flexion_deg
         values["impact.friction"] = self.resolved_friction
         values |= {f"rider.{k}": v for k, v in leaf_values(self.rider).items()}
+        values["head.surface"] = self.head.surface or ("scalp" if self.rig == "rider" else "en960")
+        values["head.friction"] = self.head_surface.friction
         values["helmet.name"] = self.helmet
         values |= {f"helmet.{k}": v for k, v in leaf_values(self.helmet_config).items()}
         return {k: list(v) if isinstance(v, tuple) else v for k, v in values.items()}
@@ -188,32 +214,35 @@ def _setup_keys() -> dict[str, str]:
 
 
 def _apply_overrides(data: dict[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:
-    """Fold ``rider.*``, ``impact.*`` and ``sim.*`` into the fields; ``helmet.*`` stays."""
+    """Fold ``rider.*``, ``head.*``, ``impact.*`` and ``sim.*`` into the fields; ``helmet.*`` stays."""
     kept: dict[str, Any] = {}
-    rider_changes: dict[str, Any] = {}
+    changes: dict[str, dict[str, Any]] = {name: {} for name in GROUPS}
     for key, value in overrides.items():
         group, _, name = str(key).partition(".")
         if key == "helmet.name":
             data["helmet"] = value
         elif group == "helmet" and name:
             kept[key] = tuple(value) if isinstance(value, list) else value
-        elif group == "rider" and name:
-            rider_changes[name] = value
+        elif group in GROUPS and name:
+            changes[group][name] = value
         elif key in _SETUP_KEYS:
             data[_SETUP_KEYS[key]] = value
         else:
             raise SetupError.of(
                 f"overrides.{key}", value,
-                "unknown name; use helmet.*, rider.* or one of " + ", ".join(_SETUP_KEYS),
+                "unknown name; use helmet.*, rider.*, head.* or one of " + ", ".join(_SETUP_KEYS),
             )  # fmt: skip
-    if rider_changes:
-        rider = data.get("rider", Rider())
-        rider = rider if isinstance(rider, Rider) else Rider.from_mapping(rider)
+    for group, named in changes.items():
+        if not named:
+            continue
+        kind = GROUPS[group]
+        present = data.get(group, kind())
+        present = present if isinstance(present, kind) else kind.from_mapping(present)
         try:
-            data["rider"] = rider.replaced(rider_changes)
+            data[group] = present.replaced(named)
         except SetupError as error:
             raise SetupError(
-                [Problem(f"rider.{p.key}", p.value, p.allowed) for p in error.problems]
+                [Problem(f"{group}.{p.key}", p.value, p.allowed) for p in error.problems]
             ) from None
     return data | {"overrides": kept}
 
@@ -222,6 +251,8 @@ def _prefixed(prefix: str, key: str) -> str:
     return key if key.startswith(prefix) or key == "helmet" else prefix + key
 
 
+#: Groups of values that have a record of their own.
+GROUPS: dict[str, type[Rider] | type[Head]] = {"rider": Rider, "head": Head}
 _SETUP_KEYS = _setup_keys()
 
 
@@ -255,4 +286,4 @@ def setup_leaves() -> list[Any]:
         for leaf in leaves(ImpactSetup)
         if leaf.name in field_to_name
     ]
-    return own + leaves(Rider, "rider.")
+    return own + leaves(Rider, "rider.") + leaves(Head, "head.")

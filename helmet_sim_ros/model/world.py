@@ -31,6 +31,7 @@ MIN_STEP = 2e-6  # s; a shell so light or stiff that it needs less may diverge, 
 STABLE_SHARE = 0.9
 BODY_MARGIN = 1.3  # energy the body feeds into the spring, over that of head and helmet
 OF_THE_SURFACE = -1.0  # friction of the shell: whatever it strikes has its own
+POINT_INERTIA = 1e-9  # kg m^2, of a mass that only translates; MuJoCo takes no zero
 ARENA = 1 << 20  # bytes of working memory per simulation
 HELMET_COLOR = (0.20, 0.36, 0.62, 0.9)
 GROUND_COLOR = (0.55, 0.55, 0.55, 1.0)
@@ -174,30 +175,39 @@ def _empty_world(gravity: float, step: float) -> mujoco.MjSpec:
 
 
 def _add_helmet(head: mujoco.MjsBody, helmet: Helmet) -> None:
-    """A foam helmet is fixed to the head. Of a spring helmet the struck part of the shell moves on
-    three slides against the head, and the rest is fixed to the head."""
-    center = list(helmet.shell.center)
-    shell = head.add_body(name="helmet")
-    share = 1.0
-    if helmet.coupling == "spring":
-        share = helmet.shell.effective_mass / helmet.mass
-        for name, axis in (("x", (1, 0, 0)), ("y", (0, 1, 0)), ("z", (0, 0, 1))):
-            shell.add_joint(
-                name=f"coupling_{name}", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=list(axis)
-            )
+    """The helmet on the head, with six degrees of freedom.
+
+    A rigid shell of the whole mass would be stopped at once by the ground and then struck by the
+    head: only a part of a real helmet is. So what lies between head and ground turns as the whole
+    helmet, but carries in translation the mass of its struck part only; the rest is carried by the
+    head. Of a spring helmet the struck shell moves on three slides against the liner's inside.
+    """
+    center, spring = list(helmet.shell.center), helmet.coupling == "spring"
+    struck, inside = helmet.shell.effective_mass, helmet.liner.effective_mass
+    carried = head.add_body(name="helmet_rest")
+    _rigid(carried, helmet.mass - struck - inside, center, [POINT_INERTIA] * 3)
+    fitted = head.add_body(name="helmet_inside" if spring else "helmet")
+    _slides(fitted, "fit")
+    fitted.add_joint(name="fit_turn", type=mujoco.mjtJoint.mjJNT_BALL)
+    shell = fitted
+    if spring:
+        _rigid(fitted, inside, center, [i - POINT_INERTIA for i in helmet.inertia])
+        shell = fitted.add_body(name="helmet")
+        _slides(shell, "coupling")
+        _rigid(shell, struck, center, [POINT_INERTIA] * 3)
     else:
-        joint = shell.add_joint(name="coupling_turn", type=mujoco.mjtJoint.mjJNT_BALL)
-        joint.stiffness = [helmet.liner.retention_stiffness, 0.0, 0.0]
-        joint.damping = [helmet.liner.retention_damping, 0.0, 0.0]
-    _rigid(shell, share * helmet.mass, center, [share * i for i in helmet.inertia])
+        _rigid(fitted, struck + inside, center, list(helmet.inertia))
     shell.add_geom(
         name="shell", type=mujoco.mjtGeom.mjGEOM_ELLIPSOID, size=list(helmet.shell.semi_axes),
         pos=center, mass=0.0, rgba=list(HELMET_COLOR),
     )  # fmt: skip
-    shell.add_site(name="coupling")
-    if share < 1.0:
-        rest = head.add_body(name="helmet_rest")
-        _rigid(rest, (1 - share) * helmet.mass, center, [(1 - share) * i for i in helmet.inertia])
+
+
+def _slides(body: mujoco.MjsBody, name: str) -> None:
+    for letter, axis in (("x", (1, 0, 0)), ("y", (0, 1, 0)), ("z", (0, 0, 1))):
+        body.add_joint(
+            name=f"{name}_{letter}", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=list(axis)
+        )
 
 
 def _rigid(body: mujoco.MjsBody, mass: float, at: list[float], inertia: list[float]) -> None:
@@ -216,7 +226,6 @@ def _add_sensors(spec: mujoco.MjSpec, rig: str) -> None:
         ("head_angular_velocity", kind.mjSENS_FRAMEANGVEL, frame, "head"),
         ("head_specific_force", kind.mjSENS_FRAMELINACC, frame, "head"),
         ("head_angular_acceleration", kind.mjSENS_FRAMEANGACC, frame, "head"),
-        ("coupling_torque", kind.mjSENS_TORQUE, site, "coupling"),
     ]
     if rig == "rider":
         sensors += [

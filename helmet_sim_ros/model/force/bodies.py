@@ -71,13 +71,16 @@ class Loads(NamedTuple):
     Attributes:
         generalised: (nv,).
         wrenches: force and moment about ``Motion.origin`` on each body, (bodies, 6).
-        coupling: the spring's force on the shell, head axes, (3,) [N].
+        coupling: force of the helmet on the head and its moment about the helmet frame's
+            origin, head axes, (6,) [N], [N m].
+        spring: the coupling spring's force on the shell, axes of its slides, (3,) [N].
         surface: see ``HELMET``, ``FORCE``; (2, 9) [N], [N m].
     """
 
     generalised: FloatArray
     wrenches: FloatArray
     coupling: FloatArray
+    spring: FloatArray
     surface: FloatArray
 
 
@@ -105,7 +108,7 @@ def no_loads(model: mujoco.MjModel, generalised: FloatArray | None = None) -> Lo
     """Loads of a model, all zero; ``generalised`` may be a view of ``qfrc_applied``."""
     return Loads(
         np.zeros(model.nv) if generalised is None else generalised,
-        np.zeros((model.nbody, 6)), np.zeros(3), np.zeros((2, COLUMNS)),
+        np.zeros((model.nbody, 6)), np.zeros(6), np.zeros(3), np.zeros((2, COLUMNS)),
     )  # fmt: skip
 
 
@@ -125,6 +128,7 @@ def clear(loads: Loads) -> None:
     loads.generalised[:] = 0.0
     loads.wrenches[:] = 0.0
     loads.coupling[:] = 0.0
+    loads.spring[:] = 0.0
     loads.surface[:] = 0.0
 
 

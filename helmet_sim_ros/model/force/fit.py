@@ -1,4 +1,13 @@
-"""The head in the liner of a foam helmet: friction of padding and scalp where the load passes."""
+"""The head in its helmet: comfort padding and the head's surface under local pressure, chin strap.
+
+The head's surface is an ellipsoid inside the liner; patches spread over the part of it that the
+helmet covers. At each patch the padding is compressed by how far the liner has come towards the
+head, sheared by how far it has moved along it, and slips where the shear exceeds friction times
+the *local* pressure. The strap runs on both sides from the helmet to the chin and pulls only.
+
+Everything acts between two bodies, so it is applied to the six joint axes that join them: its sum
+on both is zero to the last bit.
+"""
 
 from __future__ import annotations
 
@@ -7,71 +16,231 @@ from typing import NamedTuple
 import numpy as np
 
 from helmet_sim_ros.biomech.record import FloatArray
-from helmet_sim_ros.model.compiled import inlined
-from helmet_sim_ros.model.force.bodies import (
-    FORCE,
-    FRICTION,
-    HELMET,
-    Loads,
-    Motion,
-    push,
-)
+from helmet_sim_ros.model.compiled import compiled, inlined
+from helmet_sim_ros.model.force.bodies import Loads, Motion
 from helmet_sim_ros.model.force.friction import friction_force
-from helmet_sim_ros.model.force.vector import add, cross, norm, row, scaled
+from helmet_sim_ros.model.force.vector import (
+    Mat,
+    Vec,
+    across,
+    add,
+    cross,
+    dot,
+    norm,
+    row,
+    scaled,
+    sub,
+    turned,
+    turned_back,
+)
+from helmet_sim_ros.model.head_surface import HeadSurface
 from helmet_sim_ros.model.helmet import Helmet
+
+#: Share of the densification strain beyond which a padding's law goes on as a straight line.
+LINEAR_FROM = 0.9
+
+
+class Padding(NamedTuple):
+    """Comfort padding and head surface as one layer in compression and shear.
+
+    Attributes:
+        thickness: of the padding at rest [m].
+        modulus: of the padding, first compression [Pa].
+        densification: strain at which its pores are closed [-].
+        damping: c of the pressure p(e) (1 + c e') [s/m].
+        preload: compression on the head at rest [m].
+        shear: shear stiffness per area of padding and head surface in series [Pa/m].
+        relaxation: damping over stiffness in shear [s].
+        friction: of the head's surface in the liner [-].
+    """
+
+    thickness: float
+    modulus: float
+    densification: float
+    damping: float
+    preload: float
+    shear: float
+    relaxation: float
+    friction: float
+
+
+class Strap(NamedTuple):
+    """Chin strap and cheek straps.
+
+    Attributes:
+        anchor: on the helmet, left side, helmet frame [m]; the right one mirrors it.
+        chin: on the head, head frame [m].
+        length: at which a side is taut [m].
+        stiffness: of each side [N/m]; ``damping`` [N s/m].
+    """
+
+    anchor: Vec
+    chin: Vec
+    length: float
+    stiffness: float
+    damping: float
 
 
 class Fit(NamedTuple):
-    """How the head sits in its helmet.
+    """How a head sits in its helmet.
 
     Attributes:
-        head, helmet: MuJoCo's indices of the bodies; ``head`` is negative for a spring helmet.
-        friction: of head in liner [-].
-        stiffness: shear stiffness of padding and scalp [N/m].
-        relaxation: of padding and scalp [s].
-        radius: of the liner's inner surface [m].
-        stick: shear deflection, world axes, (3,) [m]; state.
+        slide, slide_velocity: index of the first of the helmet's three slides against the head, in
+            the generalised positions and velocities; a ball joint follows them.
+        padding, strap: constants.
+        axes: semi-axes of the head's surface, padding included [m]; ``center`` [m], head frame.
+        point: patches on that surface, helmet frame, (n, 3) [m].
+        area: (n,) [m^2].
+        stick: shear deflection, head axes, (n, 3) [m]; state.
     """
 
-    head: int
-    helmet: int
-    friction: float
-    stiffness: float
-    relaxation: float
-    radius: float
+    slide: int
+    slide_velocity: int
+    padding: Padding
+    strap: Strap
+    axes: Vec
+    center: Vec
+    point: FloatArray
+    area: FloatArray
     stick: FloatArray
 
 
-def fit(helmet: Helmet, thickness: FloatArray, head_body: int, helmet_body: int) -> Fit:
-    """The fit of a helmet whose columns have these thicknesses [m]; none: a spring helmet."""
-    liner = helmet.liner
-    foam = len(thickness) > 0
-    inner = float(np.mean(helmet.shell.semi_axes) - thickness.mean()) if foam else 0.0
+def padding_of(helmet: Helmet, surface: HeadSurface) -> Padding:
+    """The layer between a helmet's liner and a head with some surface."""
+    pad = helmet.padding
+    compliance = pad.thickness / pad.shear_modulus
+    if surface.shear_modulus is not None:
+        compliance += surface.thickness / surface.shear_modulus
+    return Padding(
+        pad.thickness, pad.modulus, pad.densification, pad.damping, pad.preload,
+        1.0 / compliance, pad.relaxation, surface.friction,
+    )  # fmt: skip
+
+
+def fit(helmet: Helmet, surface: HeadSurface, slide: int, slide_velocity: int) -> Fit:
+    """A helmet at rest on a head.
+
+    Args:
+        helmet: its liner's inner surface is the shell less the mean thickness of each axis.
+        surface: of the head.
+        slide, slide_velocity: see :class:`Fit`.
+    """
+    shell, liner = helmet.shell, helmet.liner
+    front, back, side, top = (
+        liner.zone_thickness(zone) for zone in ("front", "back", "side", "top")
+    )
+    a, b, c = shell.semi_axes
+    axes = (a - 0.5 * (front + back), b - side, c - top)
+    n = helmet.padding.patches
+    height = 1.0 - (2.0 * np.arange(n) + 1.0) / n  # a Fibonacci lattice, as for the columns
+    turn = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(n)
+    ring = np.sqrt(1.0 - height**2)
+    u = np.column_stack([ring * np.cos(turn), ring * np.sin(turn), height])
+    point = u * axes
+    area = np.prod(axes) * np.linalg.norm(u / axes, axis=1) * 4.0 * np.pi / n
+    covered = point[:, 2] + shell.center[2] >= helmet.padding.lowest
+    point, area = point[covered] + np.array(shell.center), area[covered]
+    strap = helmet.strap
+    length = float(np.linalg.norm(np.subtract(strap.anchor, strap.chin))) + strap.slack
     return Fit(
-        head_body if foam else -1, helmet_body, liner.head_friction, liner.padding_stiffness,
-        liner.padding_relaxation, inner, np.zeros(3),
+        slide, slide_velocity, padding_of(helmet, surface),
+        Strap(strap.anchor, strap.chin, length, strap.stiffness, strap.damping),
+        axes, shell.center, np.ascontiguousarray(point), np.ascontiguousarray(area),
+        np.zeros((len(area), 3)),
     )  # fmt: skip
 
 
 @inlined
+def pressure(padding: Padding, compression: float) -> float:
+    """Pressure of the padding [Pa] at a compression [m]: E e / (1 - e / e_d), an initial slope E
+    and closed pores at e_d; a straight line beyond ``LINEAR_FROM`` e_d."""
+    if compression <= 0.0:
+        return 0.0
+    strain = compression / padding.thickness
+    edge = LINEAR_FROM * padding.densification
+    if strain <= edge:
+        return padding.modulus * strain / (1.0 - strain / padding.densification)
+    at_edge = padding.modulus * edge / (1.0 - LINEAR_FROM)
+    return at_edge + padding.modulus / (1.0 - LINEAR_FROM) ** 2 * (strain - edge)
+
+
+@inlined
+def rotation_of(qpos: FloatArray, first: int) -> Mat:
+    """The rotation matrix of a unit quaternion w, x, y, z."""
+    w, x, y, z = qpos[first], qpos[first + 1], qpos[first + 2], qpos[first + 3]
+    return (
+        1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y),
+        2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x),
+        2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y),
+    )  # fmt: skip
+
+
+@inlined
+def strap_force(strap: Strap, anchor: Vec, velocity: Vec) -> Vec:
+    """Force [N] of one side of the strap on the helmet at its anchor, head axes.
+
+    Args:
+        anchor: where it is now, head frame [m]; ``velocity`` against the head [m/s].
+    """
+    path = sub(strap.chin, anchor)
+    length = norm(path)
+    stretch = length - strap.length
+    if stretch <= 0.0:
+        return 0.0, 0.0, 0.0
+    direction = scaled(path, 1.0 / length)
+    tension = strap.stiffness * stretch - strap.damping * dot(direction, velocity)
+    return scaled(direction, max(0.0, tension))
+
+
+@compiled
 def apply(fit: Fit, step: float, motion: Motion, loads: Loads) -> None:
-    """Add the friction between head and helmet under the surface's load on the helmet."""
-    total = loads.surface[HELMET]
-    pressed = (
-        total[FORCE] - total[FRICTION], total[FORCE + 1] - total[FRICTION + 1],
-        total[FORCE + 2] - total[FRICTION + 2],
-    )  # fmt: skip
-    load = norm(pressed)
-    normal = scaled(pressed, 1.0 / load) if load > 0.0 else (0.0, 0.0, 1.0)
-    center = row(motion.position, fit.head)
-    # The helmet turns about the head's centre: only the difference of the spins slides there.
-    arm = scaled(normal, -fit.radius)
-    helmet, head = motion.velocity[fit.helmet], motion.velocity[fit.head]
-    spin = (helmet[0] - head[0], helmet[1] - head[1], helmet[2] - head[2])
-    force = friction_force(
-        fit.stiffness, fit.relaxation, fit.friction * load, cross(spin, arm), normal, step,
-        fit.stick,
-    )  # fmt: skip
-    point = add(center, arm)
-    push(motion, loads, fit.helmet, point, force)
-    push(motion, loads, fit.head, point, scaled(force, -1.0))
+    """Add padding, friction and strap to the joint axes between head and helmet.
+
+    Args:
+        fit: constants and state; the state is changed in place.
+        step: time step [s].
+        motion, loads: of the bodies; ``loads.coupling`` gets force and moment about the helmet
+            frame's origin of the helmet on the head, head axes.
+    """
+    qpos, qvel, q, v = motion.qpos, motion.qvel, fit.slide, fit.slide_velocity
+    points, areas, sticks, padding, strap = fit.point, fit.area, fit.stick, fit.padding, fit.strap
+    shift = (qpos[q], qpos[q + 1], qpos[q + 2])
+    rotation = rotation_of(qpos, q + 3)
+    speed = (qvel[v], qvel[v + 1], qvel[v + 2])
+    # A ball joint's velocity is in the axes of the child.
+    spin = turned(rotation, (qvel[v + 3], qvel[v + 4], qvel[v + 5]))
+    ax, ay, az = fit.axes
+    force, moment = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    for i in range(len(areas)):
+        arm = turned(rotation, row(points, i))
+        x, y, z = sub(add(shift, arm), fit.center)
+        # Distance from the ellipsoid to first order, and its normal.
+        ux, uy, uz = x / ax, y / ay, z / az
+        level = (ux * ux + uy * uy + uz * uz) ** 0.5
+        gx, gy, gz = ux / ax, uy / ay, uz / az
+        slope = (gx * gx + gy * gy + gz * gz) ** 0.5
+        compression = padding.preload - (level - 1.0) * level / slope
+        if compression <= 0.0:
+            sticks[i, 0] = sticks[i, 1] = sticks[i, 2] = 0.0
+            continue
+        normal = (gx / slope, gy / slope, gz / slope)
+        velocity = add(speed, cross(spin, arm))
+        rate = -dot(normal, velocity)
+        pressed = areas[i] * pressure(padding, compression)
+        pressed *= max(0.0, 1.0 + padding.damping * rate)
+        rubbed = friction_force(
+            padding.shear * areas[i], padding.relaxation, padding.friction * pressed,
+            across(velocity, normal), normal, step, sticks[i],
+        )  # fmt: skip
+        here = add(scaled(normal, pressed), rubbed)
+        force, moment = add(force, here), add(moment, cross(arm, here))
+    for side in (1.0, -1.0):
+        arm = turned(rotation, (strap.anchor[0], side * strap.anchor[1], strap.anchor[2]))
+        here = strap_force(strap, add(shift, arm), add(speed, cross(spin, arm)))
+        force, moment = add(force, here), add(moment, cross(arm, here))
+    turning = turned_back(rotation, moment)
+    for k in range(3):
+        loads.generalised[v + k] += force[k]
+        loads.generalised[v + 3 + k] += turning[k]
+        loads.coupling[k] = -force[k]
+        loads.coupling[3 + k] = -moment[k]

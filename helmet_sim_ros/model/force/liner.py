@@ -27,7 +27,6 @@ from helmet_sim_ros.model.force.bodies import (
 )
 from helmet_sim_ros.model.force.columns import Columns
 from helmet_sim_ros.model.force.foam import (
-    MODULUS,
     loading_stress,
     mean_over_point,
     residual_strain,
@@ -226,7 +225,9 @@ def apply(
         # The crushed shell lies on the surface: velocity of the helmet frame there.
         touch = add(point, scaled(normal, -distance))
         slip = across(velocity_at(helmet, touch), normal)
-        shear = foam[MODULUS] / (2.0 * (1.0 + POISSON)) * area / thickness
+        # Crushed cell walls have buckled: the secant modulus of the largest strain.
+        secant = loading_stress(largest[i], foam) / largest[i]
+        shear = secant / (2.0 * (1.0 + POISSON)) * area / thickness
         limit = surface.friction[shape] * stress * area
         rubbed = friction_force(shear, RELAXATION, limit, slip, normal, step, stick)
         pushed = add(scaled(normal, stress * area), rubbed)

@@ -148,9 +148,9 @@ def spring_force(spring: CouplingSpring, displacement: FloatArray, force: FloatA
 @inlined
 def apply(spring: CouplingSpring, motion: Motion, loads: Loads) -> None:
     """Add the spring's force to the slides of the shell against the head."""
-    spring_force(spring, motion.qpos[spring.slide : spring.slide + 3], loads.coupling)
+    spring_force(spring, motion.qpos[spring.slide : spring.slide + 3], loads.spring)
     for k in range(3):
-        loads.generalised[spring.slide_velocity + k] += loads.coupling[k]
+        loads.generalised[spring.slide_velocity + k] += loads.spring[k]
 
 
 def recoverable_energy(displacement: FloatArray, spring: Spring) -> FloatArray:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.errors import SetupError
 from helmet_sim_ros.model.helmet import Helmet, Shell
-from helmet_sim_ros.model.liner import AREA, NORMAL, POINT, columns, zoned
+from helmet_sim_ros.model.force.columns import Columns, columns, zoned
 from helmet_sim_ros.schema import Config, quantity
 
 #: Values that follow from the others and cannot be varied by themselves.
@@ -113,36 +113,36 @@ def liner_mass(helmet: Helmet, rules: DesignRules) -> float:
     The layer of thickness t below a cell of area A has the volume A (t - H t^2 + K t^3 / 3), with
     the mean curvature H and the Gaussian curvature K of the surface (Steiner's formula).
     """
-    geometry, covered = _cells(helmet, rules)
-    mean, gaussian = _curvatures(helmet.shell, geometry)
-    thickness, density = zoned(helmet.liner, geometry[:, NORMAL : NORMAL + 3])
+    cells, covered = _cells(helmet, rules)
+    mean, gaussian = _curvatures(helmet.shell, cells)
+    thickness, density = zoned(helmet.liner, cells.normal)
     t = thickness
-    volume = geometry[:, AREA] * (t - mean * t**2 + gaussian * t**3 / 3.0)
+    volume = cells.area * (t - mean * t**2 + gaussian * t**3 / 3.0)
     return float(np.sum((density * volume)[covered]))
 
 
 def shell_area(helmet: Helmet, rules: DesignRules) -> float:
     """Area of the covered part of the shell [m^2]."""
-    geometry, covered = _cells(helmet, rules)
-    return float(np.sum(geometry[covered, AREA]))
+    cells, covered = _cells(helmet, rules)
+    return float(np.sum(cells.area[covered]))
 
 
 @lru_cache(maxsize=8)
-def _cells(helmet: Helmet, rules: DesignRules) -> tuple[FloatArray, NDArray[np.bool_]]:
+def _cells(helmet: Helmet, rules: DesignRules) -> tuple[Columns, NDArray[np.bool_]]:
     """The columns' geometry, and which of them are covered."""
-    fine = columns(helmet.replaced({"liner.columns": MASS_COLUMNS})).geometry
-    return fine, fine[:, NORMAL + 2] > rules.lowest_normal
+    fine = columns(helmet.replaced({"liner.columns": MASS_COLUMNS}))
+    return fine, fine.normal[:, 2] > rules.lowest_normal
 
 
-def _curvatures(shell: Shell, geometry: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _curvatures(shell: Shell, cells: Columns) -> tuple[FloatArray, FloatArray]:
     """Mean and Gaussian curvature of the ellipsoid at each cell [1/m, 1/m^2].
 
     With the distance h of the tangent plane from the centre: K = h^4 / (abc)^2 and
     H = h^3 (a^2 + b^2 + c^2 - |p|^2) / (2 (abc)^2).
     """
     axes = np.array(shell.semi_axes)
-    point = geometry[:, POINT : POINT + 3] - np.array(shell.center)
-    h = np.einsum("ij,ij->i", point, geometry[:, NORMAL : NORMAL + 3])
+    point = cells.point - np.array(shell.center)
+    h = np.einsum("ij,ij->i", point, cells.normal)
     squared = axes.prod() ** 2
     spread = np.sum(axes**2) - np.einsum("ij,ij->i", point, point)
     return h**3 * spread / (2.0 * squared), h**4 / squared

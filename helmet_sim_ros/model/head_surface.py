@@ -1,0 +1,42 @@
+"""The surface of a head in its helmet: skin or headform skin; read from ``config/head_surfaces``."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+
+from pydantic import Field
+
+from helmet_sim_ros.resources import find_config
+from helmet_sim_ros.schema import Config, quantity
+from helmet_sim_ros.yaml_file import read_yaml
+
+
+class HeadSurface(Config):
+    """Friction of a head in a helmet's liner, and the compliance of what covers the skull."""
+
+    description: str = Field("", description="what it represents")
+    source: str = Field("", description="where its numbers come from")
+    friction: float = quantity("friction in the liner", "-", ge=0.0, le=2.0)
+    thickness: float = quantity(
+        "of the layer that shears over the skull; 0: bare", "m", 0.0, ge=0.0, le=0.03
+    )
+    shear_modulus: float | None = quantity(
+        "of that layer; unset: rigid", "Pa", None, ge=1e3, le=1e9
+    )
+
+
+@lru_cache(maxsize=64)
+def _load(path: Path, _mtime_ns: int) -> HeadSurface:
+    data = read_yaml(path, "head.surface")
+    return HeadSurface.from_mapping(data, str(path))  # type: ignore[no-any-return]
+
+
+def load_head_surface(name_or_path: str) -> HeadSurface:
+    """The surface of ``config/head_surfaces/NAME.yaml``, or of any YAML file by path.
+
+    Raises:
+        SetupError: unknown name, unreadable file, or a refused value in it.
+    """
+    path = find_config("head_surfaces", name_or_path, "head.surface")
+    return _load(path, path.stat().st_mtime_ns)
