@@ -9,6 +9,7 @@ from typing import Literal
 from pydantic import Field, model_validator
 
 from helmet_sim_ros.errors import SetupError
+from helmet_sim_ros.model.geometry import read_geometry
 from helmet_sim_ros.resources import find_config
 from helmet_sim_ros.schema import Config, quantity
 from helmet_sim_ros.yaml_file import read_yaml
@@ -154,6 +155,11 @@ class Helmet(Config):
     liner: Liner
     padding: Padding = Field(default_factory=Padding)
     strap: Strap = Field(default_factory=Strap)
+    geometry: str | None = Field(
+        None,
+        description="array file with the outer surface and the liner's thickness, written by "
+        "'helmet-sim helmet import', beside the helmet's file; unset: the shell's ellipsoid",
+    )
 
     @model_validator(mode="after")
     def _consistent(self) -> Helmet:
@@ -168,12 +174,21 @@ class Helmet(Config):
                 "inertia", self.inertia,
                 "each must be above 0 and at most 1 kg m^2, none above the sum of the others",
             )  # fmt: skip
+        if self.geometry is not None:
+            cells = len(read_geometry(self.geometry).area)
+            if self.liner.columns != cells:
+                raise SetupError.of(
+                    "liner.columns", self.liner.columns, f"must be {cells}, the cells of {self.geometry}"
+                )  # fmt: skip
         return self
 
 
 @lru_cache(maxsize=64)
 def _load(path: Path, _mtime_ns: int) -> Helmet:
-    return Helmet.from_mapping(read_yaml(path, "helmet"), str(path))  # type: ignore[no-any-return]
+    data = read_yaml(path, "helmet")
+    if isinstance(data, dict) and isinstance(data.get("geometry"), str):
+        data["geometry"] = str(path.parent.resolve() / data["geometry"])
+    return Helmet.from_mapping(data, str(path))  # type: ignore[no-any-return]
 
 
 def load_helmet(name_or_path: str) -> Helmet:

@@ -89,7 +89,7 @@ class Impact:
             coupling_spring(helmet.spring, layout.slide, layout.slide_velocity),
             parts.stops,
             world.contact,
-            crushing_liner(columns, helmet.shell, layout.helmet, shapes, largest),
+            crushing_liner(columns, helmet, layout.helmet, shapes, largest),
             fit(helmet, setup.head_surface, layout.fit, layout.fit_velocity),
         )
         self._engine = Engine(

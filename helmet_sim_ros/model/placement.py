@@ -11,6 +11,7 @@ from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.errors import SetupError
 from helmet_sim_ros.model.force import contact as contacts
 from helmet_sim_ros.model.force.bodies import motion_of
+from helmet_sim_ros.model.force.columns import first_touch
 from helmet_sim_ros.model.force.contact import Contact
 from helmet_sim_ros.model.setup import ImpactSetup
 from helmet_sim_ros.model.surface.compiled import Surface
@@ -47,10 +48,7 @@ def place(
     # A spring at rest: posture and neck flexion are the springs' reference angles.
     hinges = model.jnt_qposadr[model.jnt_type == int(mujoco.mjtJoint.mjJNT_HINGE)]
     data.qpos[hinges] = model.qpos_spring[hinges]
-    shell = setup.helmet_config.shell
-    down = rotation.T @ -normal
-    axes = np.array(shell.semi_axes)
-    touch = np.array(shell.center) + axes**2 * down / np.linalg.norm(axes * down)
+    touch = first_touch(setup.helmet_config, rotation.T @ -normal)
     place_head(model, data, target - rotation @ touch, rotation)
     heading = math.radians(setup.tangential_heading_deg)
     along = setup.tangential_velocity * np.array([math.cos(heading), math.sin(heading), 0.0])

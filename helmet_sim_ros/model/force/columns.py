@@ -16,6 +16,7 @@ import numpy as np
 
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.model.force.foam import foam_rows
+from helmet_sim_ros.model.geometry import ZONES, Geometry, read_geometry
 from helmet_sim_ros.model.helmet import Helmet, Liner
 
 
@@ -47,7 +48,61 @@ def no_columns() -> Columns:
 
 @lru_cache(maxsize=8)
 def columns(helmet: Helmet) -> Columns:
-    """The columns of a helmet: a Fibonacci lattice mapped onto the shell's ellipsoid.
+    """The columns of a helmet: the cells of its ``geometry``, or of the shell's ellipsoid."""
+    if helmet.geometry is None:
+        return ellipsoid_columns(helmet)
+    return geometry_columns(helmet, read_geometry(helmet.geometry))
+
+
+def first_touch(helmet: Helmet, direction: FloatArray) -> FloatArray:
+    """The point of a helmet's outer surface that lies farthest in a direction.
+
+    Args:
+        helmet: of a foam helmet with a geometry, its cells; else the shell's ellipsoid.
+        direction: of length 1, helmet frame, (3,).
+
+    Returns:
+        shape (3,), helmet frame [m].
+    """
+    shell = helmet.shell
+    if helmet.geometry is None or helmet.coupling == "spring":
+        axes = np.array(shell.semi_axes)
+        farthest: FloatArray = axes**2 * direction / np.linalg.norm(axes * direction)
+        return np.array(shell.center) + farthest
+    cells = columns(helmet)
+    cosine = cells.normal @ direction
+    # A cell is a disc; its edge touches first.
+    reach = cells.point @ direction + cells.radius * np.sqrt(np.maximum(0.0, 1.0 - cosine**2))
+    i = int(np.argmax(np.where(cosine > 0.0, reach, -np.inf)))
+    first: FloatArray = cells.point[i] + (reach[i] - cells.point[i] @ direction) * direction
+    return first
+
+
+def geometry_columns(helmet: Helmet, geometry: Geometry) -> Columns:
+    """The columns of a helmet whose surface was measured or drawn.
+
+    The helmet's shell may differ from the ellipsoid that was fitted to the cells (a design with a
+    thicker liner): they follow it, vector areas by the cofactors of the stretch. Thicknesses follow
+    the helmet's, zone by zone.
+    """
+    stretch = np.array(helmet.shell.semi_axes) / geometry.semi_axes
+    point = np.array(helmet.shell.center) + stretch * (geometry.point - geometry.center)
+    vector = geometry.normal * geometry.area[:, None] * (stretch.prod() / stretch)
+    area = np.linalg.norm(vector, axis=1)
+    liner, measured = helmet.liner, geometry.mean_thickness
+    now = np.array([liner.zone_thickness(zone) for zone in ZONES])
+    own = np.array([getattr(liner, zone).thickness is not None for zone in ZONES])
+    before = np.where(own & (geometry.zone_thickness > 0.0), geometry.zone_thickness, measured)
+    thickness = geometry.thickness * (geometry.weight @ (now / before))
+    density = geometry.weight @ np.array([liner.zone_density(zone) for zone in ZONES])
+    foam = foam_rows(density, liner.energy_returned)
+    return Columns(
+        point, vector / area[:, None], area, thickness, np.sqrt(area / np.pi), foam
+    )  # fmt: skip
+
+
+def ellipsoid_columns(helmet: Helmet) -> Columns:
+    """A Fibonacci lattice mapped onto the shell's ellipsoid.
 
     The lattice spreads n directions evenly over the unit sphere; direction u maps to the point D u
     with D = diag(semi-axes), with area det(D) |D^-1 u| 4 pi / n and normal along D^-1 u. A cell
@@ -76,12 +131,14 @@ def columns(helmet: Helmet) -> Columns:
 
 def zoned(liner: Liner, normal: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Thickness [m] and density [kg/m^3] at each normal; zones blend with its squares."""
-    thickness, density = np.zeros(len(normal)), np.zeros(len(normal))
-    for axis, (negative, positive) in enumerate(
-        (("back", "front"), ("side", "side"), ("top", "top"))
-    ):
-        weight = normal[:, axis] ** 2
-        for zone, here in ((negative, normal[:, axis] < 0.0), (positive, normal[:, axis] >= 0.0)):
-            thickness += np.where(here, weight * liner.zone_thickness(zone), 0.0)
-            density += np.where(here, weight * liner.zone_density(zone), 0.0)
+    weight = zone_weights(normal)
+    thickness: FloatArray = weight @ np.array([liner.zone_thickness(zone) for zone in ZONES])
+    density: FloatArray = weight @ np.array([liner.zone_density(zone) for zone in ZONES])
     return thickness, density
+
+
+def zone_weights(normal: FloatArray) -> FloatArray:
+    """Share of the zones front, back, side and top at each normal (n, 3): its squares, (n, 4)."""
+    x, y, z = (normal**2).T
+    front = normal[:, 0] >= 0.0
+    return np.column_stack([np.where(front, x, 0.0), np.where(front, 0.0, x), y, z])
