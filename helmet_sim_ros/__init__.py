@@ -25,7 +25,8 @@ __all__ = [
 __getattr__, __dir__ = lazy_names(
     __name__,
     {
-        "model.setup": ("ImpactSetup", "Rider"),
+        "model.setup": ("ImpactSetup",),
+        "model.rider.properties": ("Rider",),
         "model.impact": ("simulate",),
         "biomech.evaluation": ("evaluate", "Evaluation"),
         "biomech.record": ("ImpactRecord",),

@@ -17,6 +17,7 @@ pytest.importorskip("rclpy", reason="logs for tests are written by the recorder'
 
 from click.testing import CliRunner
 from logs import write_log
+from scipy.spatial.transform import Rotation
 from visualization_msgs.msg import Marker
 
 from helmet_sim_ros import ImpactSetup, open_log, simulate
@@ -143,6 +144,31 @@ def test_a_record_is_shown_without_its_helmet_file_and_refused_without_its_model
     foreign = replace(record, joint_names=("tail", *record.joint_names[1:]))
     with pytest.raises(LogError, match="cannot show"):
         scene_of(foreign)
+
+
+def test_a_log_with_the_neck_of_version_0_1_is_shown_with_a_warning(path, caplog):
+    record = open_log(path)[0].record
+    body = [name for name in record.joint_names if not name.startswith(("neck_lower", "neck_m"))]
+    body = [name for name in body if not name.startswith("neck_upper")]
+    hinges = [f"neck_{at}_{turn}" for at in ("lower", "upper")
+              for turn in ("flexion", "lateral", "rotation")]  # fmt: skip
+    angles = np.hstack(
+        [
+            record.joint_positions[:, [record.joint_names.index(name) for name in body]],
+            np.full((len(record), 6), 0.1),
+        ]
+    )
+    setup = {k: v for k, v in record.setup.items() if not k.startswith("rider.neck.")}
+    old = replace(
+        record, joint_names=(*body, *hinges), joint_positions=angles, joint_velocities=angles,
+        setup={**setup, "rider.neck.bending_stiffness": 20.0, "rider.neck.damping": 1.0},
+    )  # fmt: skip
+    scene = scene_of(old)
+    assert "bending_stiffness, rider.neck.damping" in caplog.text
+    scene.pose(old, 5)
+    head, thorax = (scene.data.body(name).xmat.reshape(3, 3) for name in ("head", "thorax"))
+    turn = Rotation.from_euler("YXZ", [0.1, 0.1, 0.1])
+    assert thorax.T @ head == pytest.approx((turn * turn).as_matrix(), abs=1e-9)
 
 
 def topics_and_types(path: Path) -> dict[str, str]:

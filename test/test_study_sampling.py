@@ -102,6 +102,7 @@ def test_riders_have_the_moments_and_correlations_of_the_survey():
     population = load_population("ansur_ii")
     drawn = population.riders(unit_points("sobol", 8192, 4, 0), 0.25)
     sex = np.array(drawn["population.sex"])
+    assert drawn["rider.sex"] == drawn["population.sex"]
     assert np.mean(sex == "female") == pytest.approx(0.25, abs=0.002)
     for name, published in (("female", population.female), ("male", population.male)):
         height, mass, head = (np.array(drawn[n])[sex == name] for n in NAMES)

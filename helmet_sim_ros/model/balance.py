@@ -11,6 +11,7 @@ from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.model.force.bodies import motion_of
 from helmet_sim_ros.model.force.contact import elastic_energy
 from helmet_sim_ros.model.force.friction import TANGENTIAL_SHARE
+from helmet_sim_ros.model.force.neck import stored_energy
 from helmet_sim_ros.model.force.spring import recoverable_energy
 from helmet_sim_ros.model.impact import Impact
 
@@ -23,7 +24,7 @@ class Balance:
         momentum: of the whole system, world axes, shape (n, 3) [N s].
         impulse: integral of ground forces and gravity since the first sample, (n, 3) [N s].
         kinetic: [J], (n,).
-        potential: gravity and joint springs [J], (n,).
+        potential: gravity, joint springs and neck [J], (n,).
         coupling: what the coupling spring would still give back [J], (n,); 0 for a foam liner,
             whose small elastic share is not counted.
         contact: elastic energy of the ground contacts [J], (n,); of the friction's stick
@@ -75,6 +76,7 @@ def balance(impact: Impact) -> Balance:
         momentum[i] = mass * data.subtree_linvel[1]
         potential[i], kinetic[i] = data.energy
         contact[i] = elastic_energy(touching, impact.surface, motion)
+    potential += stored_energy(impact.neck, np.array([q for q, _ in impact.states()]))
     force = record.ground_force + record.body_ground_force + mass * model.opt.gravity
     steps = 0.5 * (force[1:] + force[:-1]) * record.time_step
     impulse = np.vstack([np.zeros(3), np.cumsum(steps, axis=0)])

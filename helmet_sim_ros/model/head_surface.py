@@ -26,6 +26,19 @@ class HeadSurface(Config):
     )
 
 
+class Head(Config):
+    """The head in its helmet."""
+
+    surface: str | None = Field(
+        None,
+        description="surface of the head in the liner: name in config/head_surfaces, or path to a "
+        "YAML file; unset: scalp for a rider, en960 for a headform",
+    )
+    friction: float | None = quantity(
+        "friction of head in liner; unset: that of the surface", "-", None, ge=0.0, le=2.0
+    )
+
+
 @lru_cache(maxsize=64)
 def _load(path: Path, _mtime_ns: int) -> HeadSurface:
     data = read_yaml(path, "head.surface")

@@ -32,6 +32,7 @@ from helmet_sim_ros.model.force.foam import residual_strains
 from helmet_sim_ros.model.force.liner import crushing_liner
 from helmet_sim_ros.model.force.spring import coupling_spring
 from helmet_sim_ros.model.loop import Clock, Engine, Forces, Rows, advance
+from helmet_sim_ros.model.rider.neck import overload
 from helmet_sim_ros.model.setup import ImpactSetup
 from helmet_sim_ros.model.world import build
 
@@ -64,6 +65,7 @@ class Impact:
         labels: column names of :meth:`block`.
         surface: what is struck.
         contact: what may touch it by a stiff contact.
+        neck: constants of the rider's neck.
         notes: what a user should know about this setup, in words.
     """
 
@@ -73,6 +75,7 @@ class Impact:
         world = build(setup)
         parts, data = world.parts, world.data
         self.notes, self.surface, self.contact = world.notes, world.surface, world.contact
+        self.neck = parts.neck
         self._model, self._data, self._spec = parts.model, data, parts.spec
         self._layout = layout = parts.layout
         self.labels = block_labels(layout.joints)
@@ -88,6 +91,7 @@ class Impact:
             world.surface,
             coupling_spring(helmet.spring, layout.slide, layout.slide_velocity),
             parts.stops,
+            parts.neck.fresh(),
             world.contact,
             crushing_liner(columns, helmet, layout.helmet, shapes, largest),
             fit(helmet, setup.head_surface, layout.fit, layout.fit_velocity),
@@ -187,7 +191,7 @@ class Impact:
             neck_force=layout.read(sensors, "neck_force") if rider else zeros,
             neck_torque=layout.read(sensors, "neck_torque") if rider else zeros,
             joint_names=layout.joints,
-            joint_positions=q.take(layout.qpos, axis=1),
+            joint_positions=layout.positions(q),
             joint_velocities=v.take(layout.qvel, axis=1),
             setup=MappingProxyType(self.setup.described()),
             extras=MappingProxyType(self.extras()),
@@ -196,7 +200,8 @@ class Impact:
     def extras(self) -> dict[str, Any]:
         """Notes, and of a foam helmet the crush map so far: ``crush`` (largest strain of each
         column), ``residual_crush`` [m], ``column_position`` (n, 3) [m] in the helmet frame."""
-        extras: dict[str, Any] = {"notes": list(self.notes)}
+        suffered = overload(self.neck, self._rows.qpos[: self._done])
+        extras: dict[str, Any] = {"notes": [*self.notes, *suffered]}
         liner = self._forces.liner
         if len(liner.largest):
             strains = residual_strains(liner.largest, liner.columns.foam)

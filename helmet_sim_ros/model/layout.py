@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from helmet_sim_ros.biomech.record import FloatArray
 
@@ -17,25 +18,66 @@ class Layout:
             quaternion of its ball joint follows them.
         slide, slide_velocity: first coupling slide in qpos and in qvel; -1: a foam helmet, which
             has none.
-        joints: names of the body's joints; ``qpos``, ``qvel`` their places, (m,).
+        joints: names of the body's joint coordinates, (m,): of a ball joint ``NAME.x``, ``.y``,
+            ``.z``, the components of its rotation vector child against parent; ``qvel`` their
+            places in qvel, of a ball joint those of its angular velocity in the child's axes.
     """
 
     def __init__(self, model: mujoco.MjModel) -> None:
         self.helmet = int(model.body("helmet").id)
         self.head = int(model.body("head").id)
         self.fit, self.fit_velocity = _addresses(model, "fit_x")
-        names = [model.joint(j).name for j in range(model.njnt)]
-        spring = "coupling_x" in names
-        self.slide, self.slide_velocity = _addresses(model, "coupling_x") if spring else (-1, -1)
-        own = ("root", "fit_", "coupling_")
-        body = [j for j, name in enumerate(names) if not name.startswith(own)]
-        self.joints = tuple(names[j] for j in body)
-        self.qpos = np.array([model.jnt_qposadr[j] for j in body], dtype=int)
-        self.qvel = np.array([model.jnt_dofadr[j] for j in body], dtype=int)
+        self.slide = self.slide_velocity = -1
+        if int(model.body("helmet").jntnum[0]) == 3:
+            self.slide, self.slide_velocity = _addresses(model, "coupling_x")
+        joints: list[str] = []
+        qpos: list[int] = []
+        qvel: list[int] = []
+        self._balls: list[tuple[int, int]] = []
+        for j in range(model.njnt):
+            name, q, v = model.joint(j).name, int(model.jnt_qposadr[j]), int(model.jnt_dofadr[j])
+            if name == "root" or name.startswith(("coupling_", "fit_")):
+                continue
+            if model.jnt_type[j] == int(mujoco.mjtJoint.mjJNT_BALL):
+                self._balls.append((len(joints), q))
+                joints += [f"{name}.{axis}" for axis in "xyz"]
+                qpos += [q, q + 1, q + 2]
+                qvel += [v, v + 1, v + 2]
+            else:
+                joints.append(name)
+                qpos.append(q)
+                qvel.append(v)
+        self.joints = tuple(joints)
+        self.qvel = np.array(qvel, dtype=int)
+        self._qpos = np.array(qpos, dtype=int)
         self._sensors = {
             model.sensor(i).name: (int(model.sensor_adr[i]), int(model.sensor_dim[i]))
             for i in range(model.nsensor)
         }
+
+    def positions(self, qpos: FloatArray) -> FloatArray:
+        """Joint positions [rad, or m for a sliding joint] of sampled rows of qpos, (n, m)."""
+        found = qpos.take(self._qpos, axis=1)
+        for column, first in self._balls:
+            quaternions = qpos[:, [first + 1, first + 2, first + 3, first]]
+            found[:, column : column + 3] = Rotation.from_quat(quaternions).as_rotvec()
+        return found
+
+    def pose(self, qpos: FloatArray, joints: tuple[str, ...], positions: FloatArray) -> None:
+        """Put joint positions, (m,), of named coordinates into one qpos; inverse of ``positions``.
+
+        Raises:
+            KeyError: a name that the model has not.
+        """
+        places = {name: i for i, name in enumerate(self.joints)}
+        values = np.zeros(len(self.joints))
+        for name, value in zip(joints, positions, strict=True):
+            values[places[name]] = value
+        for i, first in enumerate(self._qpos):
+            qpos[first] = values[i]
+        for column, first in self._balls:
+            turn = Rotation.from_rotvec(values[column : column + 3])
+            qpos[first : first + 4] = turn.as_quat()[[3, 0, 1, 2]]
 
     def read(self, sensors: FloatArray, name: str) -> FloatArray:
         """One sensor's columns of sampled rows."""

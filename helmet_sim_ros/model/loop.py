@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.model.compiled import compiled, inlined
-from helmet_sim_ros.model.force import contact, fit, liner, spring, stops
+from helmet_sim_ros.model.force import contact, fit, liner, neck, spring, stops
 from helmet_sim_ros.model.force.bodies import (
     Chains,
     Loads,
@@ -98,6 +98,7 @@ class Forces(NamedTuple):
     surface: Surface
     spring: spring.CouplingSpring
     stops: stops.Stops
+    neck: neck.CervicalSpine
     contact: contact.Contact
     liner: liner.CrushingLiner
     fit: fit.Fit
@@ -174,7 +175,7 @@ def advance(
     model, data, step = engine.model, engine.data, clock.step
     mass, diagonal, damping = engine.mass, engine.diagonal, engine.damping
     acceleration, qpos, qvel = engine.acceleration, motion.qpos, motion.qvel
-    struck, sprung, stopped, touching, crushing, fitted = forces
+    struck, sprung, stopped, necked, touching, crushing, fitted = forces
     foam = len(crushing.columns.area) > 0
     damped = damping.any()
     for i in range(first, last):
@@ -186,6 +187,7 @@ def advance(
 
             clear(loads)
             stops.apply(stopped, motion, loads)
+            neck.apply(necked, motion, loads)
             contact.apply(touching, struck, step, motion, loads)
             fit.apply(fitted, step, motion, loads)
             if foam:

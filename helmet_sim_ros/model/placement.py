@@ -45,9 +45,8 @@ def place(
     target, frame = setup.surface_config.frame
     rotation = frame @ head_in_frame(setup)
     normal = frame[:, 2]
-    # A spring at rest: posture and neck flexion are the springs' reference angles.
-    hinges = model.jnt_qposadr[model.jnt_type == int(mujoco.mjtJoint.mjJNT_HINGE)]
-    data.qpos[hinges] = model.qpos_spring[hinges]
+    # All joints at rest: posture and neck flexion are the springs' reference angles.
+    data.qpos[7:] = model.qpos_spring[7:]
     touch = first_touch(setup.helmet_config, rotation.T @ -normal)
     place_head(model, data, target - rotation @ touch, rotation)
     heading = math.radians(setup.tangential_heading_deg)

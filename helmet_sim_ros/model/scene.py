@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from helmet_sim_ros.biomech.record import FloatArray, ImpactRecord
 from helmet_sim_ros.model.placement import place_head
+from helmet_sim_ros.model.rider.neck import named_today
 from helmet_sim_ros.model.setup import ImpactSetup
 from helmet_sim_ros.model.world import build
 
@@ -50,6 +51,7 @@ class Scene:
         self.setup = setup
         world = build(setup)
         self.model, self.data = world.parts.model, world.data
+        self._layout = world.parts.layout
         model = self.model
         self._geoms = [g for g in range(model.ngeom) if model.geom(g).name != "ground"]
         drawn = [
@@ -74,8 +76,8 @@ class Scene:
         away = record.helmet_position[index] - record.head_position[index]
         qpos[first : first + 3] = head.apply(away)
         qpos[first + 3 : first + 7] = turn.as_quat()[[3, 0, 1, 2]]
-        for name, value in zip(record.joint_names, record.joint_positions[index], strict=True):
-            qpos[int(model.joint(name).qposadr[0])] = value
+        joints, positions = named_today(record.joint_names, record.joint_positions[index])
+        self._layout.pose(qpos, joints, positions)
         rotation = np.empty(9)
         mujoco.mju_quat2Mat(rotation, record.head_orientation[index][[3, 0, 1, 2]])
         place_head(model, self.data, record.head_position[index], rotation.reshape(3, 3))

@@ -9,8 +9,9 @@ from typing import Any, Literal
 from pydantic import Field, model_validator
 
 from helmet_sim_ros.errors import Problem, SetupError
-from helmet_sim_ros.model.head_surface import HeadSurface, load_head_surface
+from helmet_sim_ros.model.head_surface import Head, HeadSurface, load_head_surface
 from helmet_sim_ros.model.helmet import Helmet, load_helmet
+from helmet_sim_ros.model.rider.properties import RETIRED, Rider, refuse_retired
 from helmet_sim_ros.model.surface.config import SurfaceConfig, load_surface
 from helmet_sim_ros.schema import Config, leaf_values, leaves, quantity
 
@@ -19,57 +20,6 @@ Direction = Literal["front", "back", "left", "right", "top"]
 
 #: Flexion of the neck that the rider reaches [deg] (facts: flexion 50 to 60 deg).
 MAX_NECK_FLEXION_DEG = 60.0
-
-
-class Neck(Config):
-    """Passive neck. General literature values (10-30 N m/rad in bending, 3-10 in torsion,
-    0.5-2 N m s/rad damping), not measured for this model."""
-
-    axial_stiffness: float = quantity("axial stiffness", "N/m", 150e3, ge=1e3, le=5e6)
-    axial_damping: float = quantity("axial damping", "N s/m", 300.0, ge=0.0, le=1e4)
-    bending_stiffness: float = quantity(
-        "flexion-extension and lateral stiffness of head against torso",
-        "N m/rad", 20.0, ge=0.0, le=500.0,
-    )  # fmt: skip
-    torsion_stiffness: float = quantity(
-        "axial rotation stiffness", "N m/rad", 6.0, ge=0.0, le=200.0
-    )
-    damping: float = quantity("rotational damping", "N m s/rad", 1.0, ge=0.0, le=50.0)
-
-
-class Posture(Config):
-    """Joint angles of the limbs at the first touch; 0 is standing upright, arms down."""
-
-    shoulder_flexion_deg: float = quantity("arms raised forwards", "deg", 0.0, ge=-45.0, le=170.0)
-    elbow_flexion_deg: float = quantity("elbows bent", "deg", 20.0, ge=0.0, le=140.0)
-    hip_flexion_deg: float = quantity("thighs raised forwards", "deg", 15.0, ge=-15.0, le=115.0)
-    knee_flexion_deg: float = quantity("knees bent", "deg", 20.0, ge=0.0, le=140.0)
-
-
-class Rider(Config):
-    """The rider: de Leva's male body, scaled by height and mass."""
-
-    height: float = quantity("standing height", "m", 1.75, ge=1.2, le=2.2)
-    mass: float = quantity("body mass", "kg", 77.0, ge=30.0, le=180.0)
-    head_mass: float | None = quantity(
-        "mass of the head without neck; unset: 4.5/77 of the body mass",
-        "kg", None, ge=2.5, le=7.0,
-    )  # fmt: skip
-    neck: Neck = Field(default_factory=Neck)
-    posture: Posture = Field(default_factory=Posture)
-
-
-class Head(Config):
-    """The head in its helmet."""
-
-    surface: str | None = Field(
-        None,
-        description="surface of the head in the liner: name in config/head_surfaces, or path to a "
-        "YAML file; unset: scalp for a rider, en960 for a headform",
-    )
-    friction: float | None = quantity(
-        "friction of head in liner; unset: that of the surface", "-", None, ge=0.0, le=2.0
-    )
 
 
 class ImpactSetup(Config):
@@ -239,6 +189,8 @@ def _apply_overrides(data: dict[str, Any], overrides: Mapping[str, Any]) -> dict
         present = data.get(group, kind())
         present = present if isinstance(present, kind) else kind.from_mapping(present)
         try:
+            if group == "rider":
+                refuse_retired(named, "neck.")
             data[group] = present.replaced(named)
         except SetupError as error:
             raise SetupError(
@@ -274,6 +226,24 @@ def setup_from_names(values: Mapping[str, Any]) -> ImpactSetup:
             for p in error.problems
         ]
         raise SetupError(problems, error.source) from None
+
+
+def setup_from_log(values: Mapping[str, Any]) -> tuple[ImpactSetup, tuple[str, ...]]:
+    """The setup of a logged impact, also of one that an earlier version logged.
+
+    Only for showing what was recorded: a neck of version 0.1 is replaced by today's.
+
+    Returns:
+        The setup, and what it leaves out, in words.
+
+    Raises:
+        SetupError: unknown name, or a refused value.
+    """
+    retired = sorted({f"rider.neck.{name}" for name in RETIRED} & values.keys())
+    setup = setup_from_names({k: v for k, v in values.items() if k not in retired})
+    if not retired:
+        return setup, ()
+    return setup, (f"logged with another neck model; left out: {', '.join(retired)}",)
 
 
 def setup_leaves() -> list[Any]:

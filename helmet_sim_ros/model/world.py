@@ -11,17 +11,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helmet_sim_ros.biomech.record import FloatArray
-from helmet_sim_ros.model.anthropometry import anthropometry
-from helmet_sim_ros.model.body import BODY_CONTACT, add_body
 from helmet_sim_ros.model.force.bodies import Chains, chains
 from helmet_sim_ros.model.force.columns import Columns, columns, no_columns
 from helmet_sim_ros.model.force.contact import Contact
+from helmet_sim_ros.model.force.neck import CervicalSpine
 from helmet_sim_ros.model.force.spring import deepest, law_table, unloading_exponent
 from helmet_sim_ros.model.force.stops import Stops, joint_stops
 from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.layout import Layout
 from helmet_sim_ros.model.placement import place
-from helmet_sim_ros.model.setup import ImpactSetup, Rider
+from helmet_sim_ros.model.rider.anthropometry import anthropometry
+from helmet_sim_ros.model.rider.body import BODY_CONTACT, add_body
+from helmet_sim_ros.model.rider.neck import cervical_spine, set_rest
+from helmet_sim_ros.model.rider.properties import Rider
+from helmet_sim_ros.model.setup import ImpactSetup
 from helmet_sim_ros.model.surface.config import SurfaceConfig
 from helmet_sim_ros.model.surface.drawing import add_geoms
 from helmet_sim_ros.model.surface.compiled import Surface
@@ -46,7 +49,8 @@ class Parts:
         spec: the same as an editable specification, for export.
         contact: what may touch the surface by a stiff contact, as long as nothing has moved.
         columns: the foam helmet's columns, none for a spring helmet.
-        stops: of the body's joints.
+        stops: of the body's hinges.
+        neck: of the rider, as long as it has not yielded.
         chains: see :mod:`helmet_sim_ros.model.tree`.
         damped_diagonal: where the diagonal of M stands in MuJoCo's data, and what the damping of
             the joints adds to it in an implicit step, (nv,) each.
@@ -58,6 +62,7 @@ class Parts:
     contact: Contact
     columns: Columns
     stops: Stops
+    neck: CervicalSpine
     chains: Chains
     damped_diagonal: tuple[NDArray[np.int64], FloatArray]
     layout: Layout
@@ -107,7 +112,7 @@ def _parts(
     add_geoms(spec, surface, GROUND_COLOR)
     body = anthropometry(rider)
     if rig == "rider":
-        head = add_body(spec, rider, body, math.radians(neck_flexion_deg))
+        head = add_body(spec, rider, body)
     else:
         head = spec.worldbody.add_body(name="head")
         head.add_freejoint(name="root")
@@ -116,10 +121,13 @@ def _parts(
     _add_helmet(head, helmet)
     _add_sensors(spec, rig)
     model = spec.compile()
+    if rig == "rider":
+        set_rest(model, math.radians(neck_flexion_deg))
     foam = helmet.coupling == "foam"
     return Parts(
         model, spec, _ellipsoids(model, helmet), columns(helmet) if foam else no_columns(),
-        joint_stops(model), chains(model), _damped_diagonal(model), Layout(model),
+        joint_stops(model), cervical_spine(model, rider.neck), chains(model),
+        _damped_diagonal(model), Layout(model),
     )  # fmt: skip
 
 

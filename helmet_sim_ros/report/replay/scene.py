@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import logging
+
 from helmet_sim_ros.biomech.record import ImpactRecord
 from helmet_sim_ros.errors import LogError, SetupError
 from helmet_sim_ros.model.scene import Scene
-from helmet_sim_ros.model.setup import setup_from_names
+from helmet_sim_ros.model.setup import setup_from_log
 
 
 def scene_of(record: ImpactRecord) -> Scene:
@@ -17,13 +19,15 @@ def scene_of(record: ImpactRecord) -> Scene:
     values = dict(record.setup)
     try:
         try:
-            setup = setup_from_names(values)
+            setup, notes = setup_from_log(values)
         except SetupError:
             # A log carries every value of its helmet, so any helmet can stand in for the file.
             values.pop("helmet.name", None)
-            setup = setup_from_names(values)
+            setup, notes = setup_from_log(values)
         scene = Scene(setup)
         scene.pose(record, 0)
     except (SetupError, KeyError, ValueError, IndexError) as error:
         raise LogError(f"this version cannot show the impact: {error}") from error
+    for note in notes:
+        logging.getLogger(__name__).warning(note)
     return scene

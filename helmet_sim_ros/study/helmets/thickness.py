@@ -10,7 +10,7 @@ from trimesh import Trimesh
 
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.errors import SetupError
-from helmet_sim_ros.model.anthropometry import anthropometry
+from helmet_sim_ros.model.rider.anthropometry import anthropometry
 from helmet_sim_ros.model.setup import Rider
 from helmet_sim_ros.study.helmets.cells import Cells
 

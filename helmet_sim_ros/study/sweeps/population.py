@@ -14,8 +14,9 @@ from helmet_sim_ros.yaml_file import read_yaml
 
 #: Random numbers that one rider takes: sex, height, mass, head circumference.
 DIMENSIONS = 4
-#: The setup values that a drawn rider sets.
+#: Measures of a drawn rider, and all setup values that he or she sets.
 NAMES = ("rider.height", "rider.mass", "rider.head_mass")
+VALUES = (*NAMES, "rider.sex")
 
 
 class HeadMass(Config):
@@ -66,16 +67,16 @@ class Population(Config):
     def riders(self, unit: FloatArray, female_share: float) -> dict[str, list[object]]:
         """Riders at points of the unit cube.
 
-        Sex sets the distribution of height, mass and head circumference, nothing else: the model's
-        body has a man's proportions. What lies beyond the range of a setup value (fewer than one
-        in 100 000) is moved to its edge.
+        Sex sets the distribution of height, mass and head circumference, and whose segment table
+        the body follows. What lies beyond the range of a setup value (fewer than one in 100 000)
+        is moved to its edge.
 
         Args:
             unit: shape (n, 4), in [0, 1).
             female_share: share of women [-].
 
         Returns:
-            ``NAMES`` and ``population.sex``, n values each.
+            ``VALUES`` and ``population.sex``, n values each.
         """
         from scipy.special import ndtri
 
@@ -95,7 +96,8 @@ class Population(Config):
         low, high = ([getattr(leaves[n], side) for n in NAMES] for side in ("minimum", "maximum"))
         columns = np.clip(columns, low, high)
         drawn: dict[str, list[object]] = {n: columns[:, i].tolist() for i, n in enumerate(NAMES)}
-        drawn["population.sex"] = np.where(female, "female", "male").tolist()
+        drawn["rider.sex"] = np.where(female, "female", "male").tolist()
+        drawn["population.sex"] = list(drawn["rider.sex"])
         return drawn
 
 

@@ -269,7 +269,7 @@ def _draw(
     dimensions = len(found) + (people.DIMENSIONS if riders else 0)
     if not dimensions:
         raise SetupError.of("values", {}, "nothing to draw: give values or a population")
-    names = [*found, *(people.NAMES if riders else ())]
+    names = [*found, *(people.VALUES if riders else ())]
     for name in names:
         elsewhere = name not in replaced and any(name in case for case in matrix)
         if names.count(name) > 1 or elsewhere:
@@ -282,7 +282,7 @@ def _draw(
     labels: dict[str, list[object]] = {}
     if riders is not None and draw.population is not None:
         columns = riders.riders(points[:, len(found) :], draw.population.female_share)
-        drawn |= {name: columns.pop(name) for name in people.NAMES}
+        drawn |= {name: columns.pop(name) for name in people.VALUES}
         labels = columns
     drawn = {name: values for name, values in drawn.items() if name not in replaced}
     _check_extremes(drawn, matrix)

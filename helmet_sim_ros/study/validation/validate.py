@@ -17,12 +17,14 @@ SPRING = {"helmet.coupling": "spring"}
 #: The paper's own comparison (its Table 1): mean error of MB against FE.
 PAPER_ERRORS = {"peak_g": 11.7, "force_ratio": 13.0}
 
+_BENDING = tuple(f"rider.neck.{sense}_per_level" for sense in ("flexion", "extension", "lateral"))
 #: What the sensitivity table varies, in words -> overrides or setup values.
 VARIATIONS: Mapping[str, Mapping[str, object]] = {
-    "neck axial stiffness halved": {"rider.neck.axial_stiffness": 75e3},
-    "neck axial stiffness doubled": {"rider.neck.axial_stiffness": 300e3},
-    "neck bending stiffness halved": {"rider.neck.bending_stiffness": 10.0},
-    "neck bending stiffness doubled": {"rider.neck.bending_stiffness": 40.0},
+    "neck half as stiff in compression": {"rider.neck.compression_per_level": 246e3},
+    "neck twice as stiff in compression": {"rider.neck.compression_per_level": 984e3},
+    "neck half as stiff in bending": dict.fromkeys(_BENDING, 43.0),
+    "neck twice as stiff in bending": dict.fromkeys(_BENDING, 172.0),
+    "neck damped half as much": {"rider.neck.rotation_damping_per_level": 0.75},
     "body axis at 20 deg": {"impact.body_angle_deg": 20.0},
     "body axis at 40 deg": {"impact.body_angle_deg": 40.0},
     "heading 60 deg": {"impact.tangential_heading_deg": 60.0},

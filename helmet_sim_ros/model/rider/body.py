@@ -16,8 +16,9 @@ import math
 
 import mujoco
 
-from helmet_sim_ros.model.anthropometry import Anthropometry, Segment
-from helmet_sim_ros.model.setup import Neck, Posture, Rider
+from helmet_sim_ros.model.rider.anthropometry import Anthropometry, Segment
+from helmet_sim_ros.model.rider.neck import add_neck
+from helmet_sim_ros.model.rider.properties import Posture, Rider
 
 Vector = tuple[float, float, float]
 
@@ -28,19 +29,14 @@ FORWARD = (0.0, -1.0, 0.0)  # a positive angle swings what hangs below the joint
 #: ribs and shoulder (general literature values; see model/contact.py for the law).
 BODY_CONTACT = (60e3, 0.2, 0.5)
 BODY_COLOR = (0.75, 0.62, 0.55, 1.0)
-NECK_AXIAL_RANGE = (-0.02, 0.02)  # m
-OCCIPITAL_SHARE = 0.5  # share of the neck's bending angle taken by the upper joint
 
 
-def add_body(
-    spec: mujoco.MjSpec, rider: Rider, body: Anthropometry, neck_flexion: float
-) -> mujoco.MjsBody:
+def add_body(spec: mujoco.MjSpec, rider: Rider, body: Anthropometry) -> mujoco.MjsBody:
     """Build pelvis, trunk, neck, arms and legs.
 
     Args:
         rider: neck properties and posture.
         body: the rider's segments.
-        neck_flexion: head towards the chest at the start [rad].
 
     Returns:
         The body ``head``, still without mass, jointed to the neck.
@@ -64,21 +60,7 @@ def add_body(
     half = 0.5 * s["upper_trunk"].length
     _ellipsoid(thorax, (0.11 * k, 0.145 * k, half), -half)
 
-    neck = _upwards(thorax, "neck", s["neck"].length)
-    _mass(neck, s["neck"])
-    base = (0.0, 0.0, -s["neck"].length)
-    axial = _joint(
-        neck, "neck_axial", Z, NECK_AXIAL_RANGE, rider.neck.axial_stiffness,
-        rider.neck.axial_damping,
-    )  # fmt: skip
-    axial.type = mujoco.mjtJoint.mjJNT_SLIDE
-    _neck_joints(neck, "neck_lower", base, rider.neck, 1.0 - OCCIPITAL_SHARE, neck_flexion)
-
-    joint_to_center = body.head_joint_depth - body.head_depth
-    head = _upwards(neck, "head", joint_to_center)
-    base = (0.0, 0.0, -joint_to_center)
-    _neck_joints(head, "neck_upper", base, rider.neck, OCCIPITAL_SHARE, neck_flexion)
-    head.add_site(name="neck_load", pos=list(base))
+    head = add_neck(thorax, rider.neck, body)
 
     for side, sense in (("left", 1.0), ("right", -1.0)):
         _arm(thorax, side, sense, body, rider.posture)
@@ -133,19 +115,6 @@ def _leg(
         fromto=[heel + 0.03, 0.0, drop, heel + segment.length - 0.03, 0.0, drop], mass=0.0,
         rgba=list(BODY_COLOR),
     )  # fmt: skip
-
-
-def _neck_joints(
-    child: mujoco.MjsBody, name: str, at: Vector, neck: Neck, share: float, flexion: float
-) -> None:
-    """Two neck joints in series: each has its share of the angle, so the stiffness over it."""
-    bend, twist, damping = (
-        value / share for value in (neck.bending_stiffness, neck.torsion_stiffness, neck.damping)
-    )
-    limits = _rad(-75 * share, 65 * share)
-    _joint(child, f"{name}_flexion", Y, limits, bend, damping, flexion * share, at)
-    _joint(child, f"{name}_lateral", X, _rad(-45 * share, 45 * share), bend, damping, at=at)
-    _joint(child, f"{name}_rotation", Z, _rad(-75 * share, 75 * share), twist, damping, at=at)
 
 
 def _trunk_joints(
