@@ -36,15 +36,25 @@ REPORT = [
     "pyarrow>=15",
 ]
 
+#: Helmets from meshes, and the crash behind their crush.
+CAD = [
+    "embreex>=2.17",
+    "emcee>=3.1",
+    "fast-simplification>=0.1.7",
+    "trimesh>=4.4",
+]
+
 EXTRAS = {
     # ROS 2 Jazzy from wheels. Left out beside a system ROS, so that nothing of it is shadowed.
     "ros": [
         f"ros-rclpy[fastrtps]==7.1.6; {WHEELS}",
         f"ros-jazzy-common-interfaces==5.3.6; {WHEELS}",
     ],
+    "cad": CAD,
     "report": REPORT,
     "study": STUDY,
     "test": [
+        *CAD,
         *REPORT,
         *STUDY,
         "colcon-common-extensions",

@@ -23,6 +23,11 @@ def share_directory() -> Path:
     raise FileNotFoundError(f"config/ of {PACKAGE} is in none of the parents of {here}")
 
 
+def is_path(value: object) -> bool:
+    """Whether a configuration value is the path of a file and not a name."""
+    return isinstance(value, str) and ("/" in value or value.endswith(".yaml"))
+
+
 def find_config(kind: str, name_or_path: str, key: str, suffix: str = ".yaml") -> Path:
     """The file of a shipped configuration by name, or any file by path.
 

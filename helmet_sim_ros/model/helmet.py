@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import Field, model_validator
 
 from helmet_sim_ros.errors import SetupError
+from helmet_sim_ros.model.foams import foam_digest, load_foam
 from helmet_sim_ros.model.geometry import read_geometry
-from helmet_sim_ros.resources import find_config
+from helmet_sim_ros.resources import find_config, is_path
 from helmet_sim_ros.schema import Config, quantity
 from helmet_sim_ros.yaml_file import read_yaml
 
@@ -82,6 +84,13 @@ class Liner(Config):
     """Crushable EPS liner of the foam helmet; see model/foam.py for the law."""
 
     density: float = quantity("foam density", "kg/m^3", ge=15.0, le=120.0)
+    foam: str | None = Field(
+        None,
+        description="what it is made of: name in config/foams, or path to a YAML file; unset: eps",
+    )
+    foam_digest: str | None = Field(
+        None, exclude=True, description="digest of the foam's file, told and not chosen"
+    )
     thickness: float = quantity("liner thickness", "m", ge=0.01, le=0.08)
     energy_returned: float = quantity(
         "share of the crushing energy that unloading gives back", "-", 0.05, ge=0.005, le=0.5
@@ -95,6 +104,35 @@ class Liner(Config):
     back: Zone = Field(default_factory=Zone)
     side: Zone = Field(default_factory=Zone)
     top: Zone = Field(default_factory=Zone)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _tell_digest(cls, data: Any) -> Any:
+        if not isinstance(data, Mapping) or not isinstance(data.get("foam"), str):
+            return data
+        digest, told = foam_digest(data["foam"]), data.get("foam_digest")
+        if told not in (None, digest):
+            raise SetupError.of(
+                "foam_digest", told, f"the file of {data['foam']} is another one now, {digest}"
+            )
+        return {**data, "foam_digest": digest}
+
+    @model_validator(mode="after")
+    def _within_the_foam(self) -> Liner:
+        if self.foam is None:
+            if self.foam_digest is not None:
+                raise SetupError.of("foam_digest", self.foam_digest, "needs a foam")
+            return self
+        low, high = load_foam(self.foam).densities
+        for zone in ("front", "back", "side", "top"):
+            density = self.zone_density(zone)
+            if not low <= density <= high:
+                own = getattr(self, zone).density is not None
+                raise SetupError.of(
+                    f"{zone}.density" if own else "density", density,
+                    f"must be from {low:g} to {high:g} kg/m^3 for {self.foam}",
+                )  # fmt: skip
+        return self
 
     def zone_thickness(self, zone: str) -> float:
         """Thickness of a zone [m]."""
@@ -188,6 +226,9 @@ def _load(path: Path, _mtime_ns: int) -> Helmet:
     data = read_yaml(path, "helmet")
     if isinstance(data, dict) and isinstance(data.get("geometry"), str):
         data["geometry"] = str(path.parent.resolve() / data["geometry"])
+    liner = data.get("liner") if isinstance(data, dict) else None
+    if isinstance(liner, dict) and is_path(liner.get("foam")):
+        liner["foam"] = str(path.parent.resolve() / liner["foam"])
     return Helmet.from_mapping(data, str(path))  # type: ignore[no-any-return]
 
 

@@ -15,7 +15,8 @@ from typing import NamedTuple
 import numpy as np
 
 from helmet_sim_ros.biomech.record import FloatArray
-from helmet_sim_ros.model.force.foam import foam_rows
+from helmet_sim_ros.model.foams import load_foam
+from helmet_sim_ros.model.force.foam import foam_rows, rows_of
 from helmet_sim_ros.model.geometry import ZONES, Geometry, read_geometry
 from helmet_sim_ros.model.helmet import Helmet, Liner
 
@@ -29,7 +30,8 @@ class Columns(NamedTuple):
         area: (n,) [m^2].
         thickness: of the liner, (n,) [m].
         radius: of a disc of the cell's area, (n,) [m].
-        foam: constants of each column's foam, (n, 5); see :mod:`helmet_sim_ros.model.force.foam`.
+        foam: constants of each column's foam, (n, 5), with a table (n, 133); see
+            :mod:`helmet_sim_ros.model.force.foam`.
     """
 
     point: FloatArray
@@ -95,7 +97,7 @@ def geometry_columns(helmet: Helmet, geometry: Geometry) -> Columns:
     before = np.where(own & (geometry.zone_thickness > 0.0), geometry.zone_thickness, measured)
     thickness = geometry.thickness * (geometry.weight @ (now / before))
     density = geometry.weight @ np.array([liner.zone_density(zone) for zone in ZONES])
-    foam = foam_rows(density, liner.energy_returned)
+    foam = liner_rows(liner, density)
     return Columns(
         point, vector / area[:, None], area, thickness, np.sqrt(area / np.pi), foam
     )  # fmt: skip
@@ -125,8 +127,15 @@ def ellipsoid_columns(helmet: Helmet) -> Columns:
     curvature = ((axes**2).sum() - (surface**2).sum(axis=1)) / (2 * axes.prod() ** 2 * gradient**3)
     point = surface - (0.25 * radius**2 * curvature)[:, None] * normal
     point += np.array(helmet.shell.center)
-    foam = foam_rows(density, liner.energy_returned)
+    foam = liner_rows(liner, density)
     return Columns(point, normal, area, thickness, radius, foam)
+
+
+def liner_rows(liner: Liner, density: FloatArray) -> FloatArray:
+    """Constants of a liner's foam at each density, shape (n,) [kg/m^3]; a row each."""
+    if liner.foam is None:
+        return foam_rows(density, liner.energy_returned)
+    return rows_of(load_foam(liner.foam), density, liner.energy_returned)
 
 
 def zoned(liner: Liner, normal: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -146,7 +146,7 @@ def import_helmet(shell: Path, liner: Path | None, plan: ImportPlan) -> Imported
     }
     values["shell"] |= {"semi_axes": tuple(axes.tolist()), "center": tuple(center.tolist())}
     for zone in ZONES:
-        values["liner"][zone] = {name: None for name in values["liner"][zone]}
+        values["liner"][zone] = dict.fromkeys(values["liner"][zone])
     values["liner"] |= {"thickness": mean, "density": density, "columns": len(cells.area)}
     geometry = Geometry(
         cells.point, cells.normal, cells.area, thickness, weight, axes, center,
@@ -230,7 +230,9 @@ def _told(
         f"headform {size}: {1e3 * gap:.0f} mm between it and the liner at the tightest place",
     ]
     if missing:
-        notes.append(f"{missing} cells have no liner below them; each has its neighbour's thickness")
+        notes.append(
+            f"{missing} cells have no liner below them; each has its neighbour's thickness"
+        )
     if thin:
         notes.append(f"{thin} cells had less than {1e3 * THINNEST:g} mm of liner and count with it")
     return notes

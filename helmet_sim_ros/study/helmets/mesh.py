@@ -98,7 +98,9 @@ def _load(path: Path, role: str) -> Trimesh:
     mesh.merge_vertices(merge_tex=True, merge_norm=True)
     mesh.update_faces(mesh.nondegenerate_faces())
     if len(mesh.faces) < 20:
-        raise SetupError.of(role, str(path), f"has {len(mesh.faces)} triangles, too few for a shape")
+        raise SetupError.of(
+            role, str(path), f"has {len(mesh.faces)} triangles, too few for a shape"
+        )
     return mesh
 
 
