@@ -144,8 +144,14 @@ def _length(key: str, text: str) -> float:
               help="New foam file, for liner.foam.")  # fmt: skip
 @click.option("--plot", type=click.Path(path_type=Path),
               help="Write the curves with their fit to this file (.svg, .pdf or .png).")  # fmt: skip
-@click.option("--rate", type=float, default=100.0, show_default=True, metavar="1/S",
-              help="Strain rate for which the foam is made, where several were tested.")
+@click.option(
+    "--rate",
+    type=float,
+    default=100.0,
+    show_default=True,
+    metavar="1/S",
+    help="Strain rate for which the foam is made, where several were tested.",
+)
 @click.option("--solid-density", type=float, default=1050.0, show_default=True, metavar="KG/M3",
               help="Of the polymer; polystyrene 1050, polypropylene 900.")  # fmt: skip
 def foam(

@@ -14,7 +14,6 @@ from helmet_sim_ros.resources import find_config
 from helmet_sim_ros.schema import Config, quantity
 from helmet_sim_ros.yaml_file import read_yaml
 
-
 #: Points of a table from strain 0 to its limit; beyond, the law goes on as a straight line.
 POINTS = 64
 

@@ -99,7 +99,7 @@ def _read(path: str, _mtime_ns: int, size: int) -> Geometry:
     content = Path(path).read_bytes()
     if _digest(content) != named[1]:
         raise SetupError.of(
-            "geometry", path, "its content is not the one that its name tells: truncated or edited; "
+            "geometry", path, "its content is not what its name tells: truncated or edited; "
             "import the helmet again",
         )  # fmt: skip
     try:

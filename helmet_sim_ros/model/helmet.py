@@ -80,6 +80,15 @@ class Zone(Config):
     )
 
 
+class Layer(Config):
+    """The inner layer of a liner of two densities; it lies on the head's side."""
+
+    density: float | None = quantity(
+        "density of the same foam; unset: there is one layer", "kg/m^3", None, ge=10.0, le=300.0
+    )
+    share: float = quantity("share of the liner's thickness", "-", 0.5, gt=0.0, lt=1.0)
+
+
 class Liner(Config):
     """Crushable EPS liner of the foam helmet; see model/foam.py for the law."""
 
@@ -99,6 +108,7 @@ class Liner(Config):
         "part of the liner's mass that stops with its struck part; the rest moves with the head",
         "kg", 0.05, gt=0.0, le=1.0,
     )  # fmt: skip
+    inner: Layer = Field(default_factory=Layer)
     columns: int = quantity("foam columns over the whole shell", "-", 1000, ge=50, le=20000)
     front: Zone = Field(default_factory=Zone)
     back: Zone = Field(default_factory=Zone)
@@ -124,6 +134,11 @@ class Liner(Config):
                 raise SetupError.of("foam_digest", self.foam_digest, "needs a foam")
             return self
         low, high = load_foam(self.foam).densities
+        if self.inner.density is not None and not low <= self.inner.density <= high:
+            raise SetupError.of(
+                "inner.density", self.inner.density,
+                f"must be from {low:g} to {high:g} kg/m^3 for {self.foam}",
+            )  # fmt: skip
         for zone in ("front", "back", "side", "top"):
             density = self.zone_density(zone)
             if not low <= density <= high:
@@ -185,6 +200,9 @@ class Helmet(Config):
     inertia: Vector = quantity(
         "moments of inertia of the whole helmet about its centre, head axes", "kg m^2"
     )
+    mass_center: Vector | None = quantity(
+        "centre of mass in the head frame; unset: the shell's centre", "m", None
+    )
     shell: Shell
     coupling: Literal["spring", "foam"] = Field(
         "spring", description="what joins head and shell: coupling spring or foam liner"
@@ -212,11 +230,13 @@ class Helmet(Config):
                 "inertia", self.inertia,
                 "each must be above 0 and at most 1 kg m^2, none above the sum of the others",
             )  # fmt: skip
+        if self.mass_center is not None and max(map(abs, self.mass_center)) > 0.1:
+            raise SetupError.of("mass_center", self.mass_center, "each must be from -0.1 to 0.1 m")
         if self.geometry is not None:
             cells = len(read_geometry(self.geometry).area)
             if self.liner.columns != cells:
                 raise SetupError.of(
-                    "liner.columns", self.liner.columns, f"must be {cells}, the cells of {self.geometry}"
+                    "liner.columns", self.liner.columns, f"must be {cells}: {self.geometry}"
                 )  # fmt: skip
         return self
 

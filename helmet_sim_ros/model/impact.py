@@ -210,6 +210,13 @@ class Impact:
                 "residual_crush": strains * liner.columns.thickness,
                 "column_position": liner.columns.point.copy(),
             }
+        if liner.measured and len(liner.largest):  # a log must tell the helmet without its file
+            columns = liner.columns
+            extras |= {
+                "column_normal": columns.normal.copy(),
+                "column_area": columns.area.copy(),
+                "column_thickness": columns.thickness.copy(),
+            }
         return extras
 
 

@@ -118,6 +118,8 @@ def head_in_frame(setup: ImpactSetup) -> FloatArray:
     down = np.array([0.0, 0.0, -1.0])
     if setup.rig == "headform":
         forward = np.array([1.0, 0.0, 0.0])
+        if setup.site_azimuth_deg is not None:
+            return _site_down(setup.site_azimuth_deg, setup.site_elevation_deg or 0.0)
         if setup.direction == "top":
             return _frame("front", forward, down)
         return _frame(setup.direction, down, forward)  # the crown points along x
@@ -130,6 +132,18 @@ def head_in_frame(setup: ImpactSetup) -> FloatArray:
     nod = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
     rotation: FloatArray = _frame(direction, facing, up) @ nod
     return rotation
+
+
+def _site_down(azimuth_deg: float, elevation_deg: float) -> FloatArray:
+    """Rotation from the head to the target's frame that turns a site of the helmet straight down,
+    the crown along x as far as it can be."""
+    azimuth, elevation = math.radians(azimuth_deg), math.radians(elevation_deg)
+    level = math.cos(elevation)
+    site = np.array([level * math.cos(azimuth), level * math.sin(azimuth), math.sin(elevation)])
+    # Along the meridian through the site, towards the crown.
+    along = np.array([-site[2] * math.cos(azimuth), -site[2] * math.sin(azimuth), level])
+    of_head = np.column_stack([along, np.cross(along, site), -site])
+    return of_head.T
 
 
 def _frame(direction: str, facing: FloatArray, up: FloatArray) -> FloatArray:

@@ -33,6 +33,16 @@ class ImpactSetup(Config):
     direction: Direction = Field(
         "left", description="part of the helmet that strikes the surface (side = left)"
     )
+    site_azimuth_deg: float | None = quantity(
+        "instead of direction, where a headform's helmet strikes: heading of the site from the "
+        "front, counter-clockwise seen from above",
+        "deg", None, ge=-360.0, le=360.0,
+    )  # fmt: skip
+    site_elevation_deg: float | None = quantity(
+        "height of that site over the horizontal plane through the head's centre, seen from there; "
+        "unset: 0",
+        "deg", None, ge=-90.0, le=90.0,
+    )  # fmt: skip
     normal_velocity: float = quantity(
         "speed into the surface at first touch", "m/s", 5.0, gt=0.0, le=30.0
     )
@@ -87,6 +97,14 @@ class ImpactSetup(Config):
 
     @model_validator(mode="after")
     def _resolvable(self) -> ImpactSetup:
+        for name in ("site_azimuth_deg", "site_elevation_deg"):
+            value = getattr(self, name)
+            if value is not None and self.rig != "headform":
+                raise SetupError.of(name, value, "is for the rig headform; a rider has a pose")
+        if self.site_elevation_deg is not None and self.site_azimuth_deg is None:
+            raise SetupError.of(
+                "site_elevation_deg", self.site_elevation_deg, "needs site_azimuth_deg"
+            )
         if self.duration < 10 * self.time_step:
             raise SetupError.of("duration", self.duration, "must be at least 10 time steps")
         _ = self.helmet_config, self.surface_config, self.head_surface  # refuse a bad file now, not when it runs

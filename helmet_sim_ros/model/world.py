@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.model.force.bodies import Chains, chains
-from helmet_sim_ros.model.force.columns import Columns, columns, no_columns
+from helmet_sim_ros.model.force.columns import Columns, as_now, columns, no_columns
 from helmet_sim_ros.model.force.contact import Contact
 from helmet_sim_ros.model.force.neck import CervicalSpine
 from helmet_sim_ros.model.force.spring import deepest, law_table, unloading_exponent
 from helmet_sim_ros.model.force.stops import Stops, joint_stops
+from helmet_sim_ros.model.geometry import read_geometry
 from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.layout import Layout
 from helmet_sim_ros.model.placement import place
@@ -25,9 +26,9 @@ from helmet_sim_ros.model.rider.body import BODY_CONTACT, add_body
 from helmet_sim_ros.model.rider.neck import cervical_spine, set_rest
 from helmet_sim_ros.model.rider.properties import Rider
 from helmet_sim_ros.model.setup import ImpactSetup
+from helmet_sim_ros.model.surface.compiled import Surface
 from helmet_sim_ros.model.surface.config import SurfaceConfig
 from helmet_sim_ros.model.surface.drawing import add_geoms
-from helmet_sim_ros.model.surface.compiled import Surface
 
 MAX_STEP = 5e-5  # s, largest integration step: peaks within 1 % (test_model_impact)
 MIN_STEP = 2e-6  # s; a shell so light or stiff that it needs less may diverge, and says so
@@ -118,7 +119,7 @@ def _parts(
         head.add_freejoint(name="root")
     segment = body.segments["head"]
     _rigid(head, segment.mass, [0.0, 0.0, 0.0], list(segment.inertia))
-    _add_helmet(head, helmet)
+    _add_helmet(spec, head, helmet)
     _add_sensors(spec, rig)
     model = spec.compile()
     if rig == "rider":
@@ -182,7 +183,7 @@ def _empty_world(gravity: float, step: float) -> mujoco.MjSpec:
     return spec
 
 
-def _add_helmet(head: mujoco.MjsBody, helmet: Helmet) -> None:
+def _add_helmet(spec: mujoco.MjSpec, head: mujoco.MjsBody, helmet: Helmet) -> None:
     """The helmet on the head, with six degrees of freedom.
 
     A rigid shell of the whole mass would be stopped at once by the ground and then struck by the
@@ -190,7 +191,8 @@ def _add_helmet(head: mujoco.MjsBody, helmet: Helmet) -> None:
     helmet, but carries in translation the mass of its struck part only; the rest is carried by the
     head. Of a spring helmet the struck shell moves on three slides against the liner's inside.
     """
-    center, spring = list(helmet.shell.center), helmet.coupling == "spring"
+    center = list(helmet.shell.center if helmet.mass_center is None else helmet.mass_center)
+    spring = helmet.coupling == "spring"
     struck, inside = helmet.shell.effective_mass, helmet.liner.effective_mass
     carried = head.add_body(name="helmet_rest")
     _rigid(carried, helmet.mass - struck - inside, center, [POINT_INERTIA] * 3)
@@ -205,17 +207,31 @@ def _add_helmet(head: mujoco.MjsBody, helmet: Helmet) -> None:
         _rigid(shell, struck, center, [POINT_INERTIA] * 3)
     else:
         _rigid(fitted, struck + inside, center, list(helmet.inertia))
+    _draw_shell(spec, shell, helmet)
+
+
+def _draw_shell(spec: mujoco.MjSpec, shell: mujoco.MjsBody, helmet: Helmet) -> None:
+    if helmet.geometry is None:
+        shell.add_geom(
+            name="shell", type=mujoco.mjtGeom.mjGEOM_ELLIPSOID, size=list(helmet.shell.semi_axes),
+            pos=list(helmet.shell.center), mass=0.0, rgba=list(HELMET_COLOR),
+        )  # fmt: skip
+        return
+    geometry = read_geometry(helmet.geometry)
+    vertices = as_now(helmet, geometry, geometry.vertices)
+    spec.add_mesh(
+        name="shell", uservert=vertices.ravel(), userface=geometry.faces.ravel(),
+        inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
+    )  # fmt: skip
     shell.add_geom(
-        name="shell", type=mujoco.mjtGeom.mjGEOM_ELLIPSOID, size=list(helmet.shell.semi_axes),
-        pos=center, mass=0.0, rgba=list(HELMET_COLOR),
+        name="shell", type=mujoco.mjtGeom.mjGEOM_MESH, meshname="shell", mass=0.0, contype=0,
+        conaffinity=0, rgba=list(HELMET_COLOR),
     )  # fmt: skip
 
 
 def _slides(body: mujoco.MjsBody, name: str) -> None:
     for letter, axis in (("x", (1, 0, 0)), ("y", (0, 1, 0)), ("z", (0, 0, 1))):
-        body.add_joint(
-            name=f"{name}_{letter}", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=list(axis)
-        )
+        body.add_joint(name=f"{name}_{letter}", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=list(axis))
 
 
 def _rigid(body: mujoco.MjsBody, mass: float, at: list[float], inertia: list[float]) -> None:

@@ -19,5 +19,5 @@ def need(module: str, extra: str = "study") -> ModuleType:
     except ImportError as error:
         raise StudyError(
             f"{module.partition('.')[0]} is not installed ({error}); "
-            f"install what this needs with: pip install 'helmet_sim_ros[{extra}]'"
+            f"install what this needs with: pip install helmet_sim_ros[{extra}]"
         ) from None

@@ -16,7 +16,7 @@ import numpy as np
 
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.model.foams import load_foam
-from helmet_sim_ros.model.force.foam import foam_rows, rows_of
+from helmet_sim_ros.model.force.foam import foam_rows, in_series, rows_of
 from helmet_sim_ros.model.geometry import ZONES, Geometry, read_geometry
 from helmet_sim_ros.model.helmet import Helmet, Liner
 
@@ -80,6 +80,27 @@ def first_touch(helmet: Helmet, direction: FloatArray) -> FloatArray:
     return first
 
 
+def as_now(helmet: Helmet, geometry: Geometry, points: FloatArray) -> FloatArray:
+    """Points of a geometry, (n, 3) [m], as the helmet's shell has them now."""
+    stretch = np.array(helmet.shell.semi_axes) / geometry.semi_axes
+    moved: FloatArray = np.array(helmet.shell.center) + stretch * (points - geometry.center)
+    return moved
+
+
+def mean_densities(helmet: Helmet, cells: Columns) -> FloatArray:
+    """Density of the liner below each cell of a helmet's columns, mean of its layers, (n,)
+    [kg/m^3]."""
+    liner, inner = helmet.liner, helmet.liner.inner
+    weight = (
+        zone_weights(cells.normal) if helmet.geometry is None
+        else read_geometry(helmet.geometry).weight
+    )  # fmt: skip
+    density = zone_densities(liner, weight)
+    if inner.density is None:
+        return density
+    return (1.0 - inner.share) * density + inner.share * inner.density
+
+
 def geometry_columns(helmet: Helmet, geometry: Geometry) -> Columns:
     """The columns of a helmet whose surface was measured or drawn.
 
@@ -88,7 +109,7 @@ def geometry_columns(helmet: Helmet, geometry: Geometry) -> Columns:
     the helmet's, zone by zone.
     """
     stretch = np.array(helmet.shell.semi_axes) / geometry.semi_axes
-    point = np.array(helmet.shell.center) + stretch * (geometry.point - geometry.center)
+    point = as_now(helmet, geometry, geometry.point)
     vector = geometry.normal * geometry.area[:, None] * (stretch.prod() / stretch)
     area = np.linalg.norm(vector, axis=1)
     liner, measured = helmet.liner, geometry.mean_thickness
@@ -96,8 +117,7 @@ def geometry_columns(helmet: Helmet, geometry: Geometry) -> Columns:
     own = np.array([getattr(liner, zone).thickness is not None for zone in ZONES])
     before = np.where(own & (geometry.zone_thickness > 0.0), geometry.zone_thickness, measured)
     thickness = geometry.thickness * (geometry.weight @ (now / before))
-    density = geometry.weight @ np.array([liner.zone_density(zone) for zone in ZONES])
-    foam = liner_rows(liner, density)
+    foam = liner_rows(liner, zone_densities(liner, geometry.weight))
     return Columns(
         point, vector / area[:, None], area, thickness, np.sqrt(area / np.pi), foam
     )  # fmt: skip
@@ -132,18 +152,31 @@ def ellipsoid_columns(helmet: Helmet) -> Columns:
 
 
 def liner_rows(liner: Liner, density: FloatArray) -> FloatArray:
-    """Constants of a liner's foam at each density, shape (n,) [kg/m^3]; a row each."""
-    if liner.foam is None:
-        return foam_rows(density, liner.energy_returned)
-    return rows_of(load_foam(liner.foam), density, liner.energy_returned)
+    """Constants of a liner's foam at each density of its outer layer, (n,) [kg/m^3]; a row each."""
+    returned, inner = liner.energy_returned, liner.inner
+
+    def rows(densities: FloatArray) -> FloatArray:
+        if liner.foam is None:
+            return foam_rows(densities, returned)
+        return rows_of(load_foam(liner.foam), densities, returned)
+
+    outer = rows(density)
+    if inner.density is None:
+        return outer
+    return in_series(outer, rows(np.array([inner.density]))[0], inner.share)
 
 
 def zoned(liner: Liner, normal: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Thickness [m] and density [kg/m^3] at each normal; zones blend with its squares."""
     weight = zone_weights(normal)
     thickness: FloatArray = weight @ np.array([liner.zone_thickness(zone) for zone in ZONES])
+    return thickness, zone_densities(liner, weight)
+
+
+def zone_densities(liner: Liner, weight: FloatArray) -> FloatArray:
+    """Density of the outer layer where zones have these shares, (n, 4); (n,) [kg/m^3]."""
     density: FloatArray = weight @ np.array([liner.zone_density(zone) for zone in ZONES])
-    return thickness, density
+    return density
 
 
 def zone_weights(normal: FloatArray) -> FloatArray:

@@ -99,6 +99,43 @@ def table_row(
     return np.concatenate([constants, stress, energy])
 
 
+def in_series(outer: FloatArray, inner: FloatArray, share: float) -> FloatArray:
+    """Tables of two layers on each other, which bear the same stress while their strains add.
+
+    Args:
+        outer: a row for each column, (n, 5) or (n, 133).
+        inner: of the inner layer, (5,) or (133,).
+        share: of the thickness that is the inner layer.
+
+    Returns:
+        rows with tables, (n, 133).
+    """
+    inner_strain, inner_stress = _path(inner)
+    made: dict[bytes, FloatArray] = {}
+    for row in outer:
+        key = row.tobytes()
+        if key in made:
+            continue
+        strain, stress = _path(row)
+        common = np.union1d(stress, inner_stress)
+        common = common[common <= min(stress[-1], inner_stress[-1])]
+        both = (1.0 - share) * np.interp(common, stress, strain)
+        both += share * np.interp(common, inner_stress, inner_strain)
+        limit = float(both[-1])
+        table = np.interp(np.linspace(0.0, limit, POINTS), both, common)
+        softer = min(float(row[YIELD]), float(inner[YIELD]))
+        made[key] = table_row(table, limit, softer, float(row[RETURNED]))
+    return np.array([made[row.tobytes()] for row in outer])
+
+
+def _path(row: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The loading path of a row as points, strains and stresses; the yield point is one of them."""
+    strain = np.linspace(0.0, LINEAR_FROM * row[LIMIT], 400)
+    if len(row) == CONSTANTS:
+        strain = np.union1d(strain, [row[YIELD] / row[MODULUS]])
+    return strain, np.array([loading_stress(e, row) for e in strain])
+
+
 def bottoming_strain(foam: FloatArray) -> float:
     """Strain at which compressed gas and touching walls have doubled the yield stress.
 

@@ -11,7 +11,7 @@ from scipy.optimize import isotonic_regression
 
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.errors import SetupError
-from helmet_sim_ros.study.foams.table import Column, read_table
+from helmet_sim_ros.study.tables import Column, read_table
 
 #: Names as laboratories write them, English and German.
 STRAIN = ("strain", "compression", "dehnung", "stauchung", "epsilon")

@@ -213,7 +213,6 @@ def _told(curve: Curve) -> str:
     rate = "rate not told" if curve.rate is None else f"{curve.rate:g} 1/s"
     return (
         f"{rate}: {len(curve.strain)} points to strain {curve.strain[-1]:.2f}, plateau "
-        f"{curve.plateau:.3g} Pa" + (
-            f", smoothed by at most {100 * curve.raised:.1f} % of it" if curve.raised > 0 else ""
-        )
+        f"{curve.plateau:.3g} Pa"
+        + (f", smoothed by at most {100 * curve.raised:.1f} % of it" if curve.raised > 0 else "")
     )

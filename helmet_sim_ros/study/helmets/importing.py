@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import yaml
+from pydantic import Field
 from trimesh import Trimesh
 
 from helmet_sim_ros.biomech.record import FloatArray
@@ -32,7 +33,7 @@ from helmet_sim_ros.study.helmets.thickness import (
     to_the_head,
 )
 
-DRAWN = 4000  # triangles of the drawing in reports and replays
+DRAWN = 2000  # triangles of the drawing in reports and replays
 MOSTLY = 0.5
 
 
@@ -42,7 +43,7 @@ class ImportPlan(Config):
     units: str | None = None
     forward: str = "x"
     up: str = "z"
-    landmarks: dict[str, tuple[float, float, float]] = {}
+    landmarks: dict[str, tuple[float, float, float]] = Field(default_factory=dict)
     origin: tuple[float, float, float] | None = None
     headform: str = "J"
     thickness: float | None = quantity(
@@ -133,15 +134,16 @@ def import_helmet(shell: Path, liner: Path | None, plan: ImportPlan) -> Imported
         + (f", corrected to the scale's {plan.mass:g} kg" if plan.mass else
            "; straps, padding and visor are not in the meshes: give the scale's mass")
     )  # fmt: skip
-    away = 1e3 * float(np.linalg.norm(whole.center - center))
-    notes.append(f"mass centre {away:.0f} mm from the middle of the shell, where the model has it")
+    place = ", ".join(f"{1e3 * c:.0f}" for c in whole.center)
+    notes.append(f"mass centre at ({place}) mm, head axes")
     drawing = _drawing(outer)
     values = base.model_dump()
     values |= {
-        "description": f"Imported from {', '.join(part.path.name for part in parts)}; foam, spring, "
-        f"padding and strap of {plan.base}.",
+        "description": f"Imported from {', '.join(part.path.name for part in parts)}; foam, "
+        f"spring, padding and strap of {plan.base}.",
         "mass": whole.shell + whole.liner,
         "inertia": tuple(whole.inertia.tolist()),
+        "mass_center": tuple(whole.center.tolist()),
         "coupling": "foam",
     }
     values["shell"] |= {"semi_axes": tuple(axes.tolist()), "center": tuple(center.tolist())}
@@ -214,7 +216,8 @@ def _in_head_frame(parts: list[Part], plan: ImportPlan, notes: list[str]) -> lis
             origin = middle + (crown - depth - middle @ up) * up
             notes.append(
                 "the meshes' origin lies outside the helmet: the head's centre was put at "
-                f"{', '.join(f'{c / scale:.4g}' for c in origin)} {parts[0].unit}; --origin moves it"
+                f"{', '.join(f'{c / scale:.4g}' for c in origin)} {parts[0].unit};"
+                " --origin moves it"
             )
     return [part.moved(rotation, origin) for part in parts]
 
@@ -230,9 +233,7 @@ def _told(
         f"headform {size}: {1e3 * gap:.0f} mm between it and the liner at the tightest place",
     ]
     if missing:
-        notes.append(
-            f"{missing} cells have no liner below them; each has its neighbour's thickness"
-        )
+        notes.append(f"{missing} cells have no liner below them and take their neighbour's")
     if thin:
         notes.append(f"{thin} cells had less than {1e3 * THINNEST:g} mm of liner and count with it")
     return notes

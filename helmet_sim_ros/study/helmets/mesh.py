@@ -98,9 +98,7 @@ def _load(path: Path, role: str) -> Trimesh:
     mesh.merge_vertices(merge_tex=True, merge_norm=True)
     mesh.update_faces(mesh.nondegenerate_faces())
     if len(mesh.faces) < 20:
-        raise SetupError.of(
-            role, str(path), f"has {len(mesh.faces)} triangles, too few for a shape"
-        )
+        raise SetupError.of(role, str(path), f"has {len(mesh.faces)} triangles, too few")
     return mesh
 
 
@@ -118,7 +116,7 @@ def _whole(path: Path, role: str) -> None:
             raise SetupError.of(
                 role, str(path),
                 f"is truncated: {len(content)} bytes of a binary STL, its header tells {size}"
-                if size > 0 else f"is truncated: {len(content)} bytes, a binary STL has at least 84",
+                if size > 0 else f"is truncated: {len(content)} bytes, binary STL has 84 or more",
             )  # fmt: skip
         if b"endsolid" not in content[-400:].lower():
             raise SetupError.of(role, str(path), "is truncated: a text STL ends with 'endsolid'")

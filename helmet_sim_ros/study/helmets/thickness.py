@@ -134,7 +134,7 @@ def check_head(cells: Cells, depth: FloatArray, semi_axes: FloatArray, size: str
         SetupError: the headform reaches into the liner; names the place.
     """
     inside = cells.point - depth[:, None] * cells.normal
-    # Below, cheek pads and chin are no ellipsoid's; how high the crown sits is the padding's matter.
+    # Below, cheek pads and chin are no ellipsoid's; how high the crown sits, no size tells.
     girth = (inside[:, 2] > GIRTH[0]) & (inside[:, 2] < GIRTH[1])
     if not girth.any():
         raise SetupError.of("shell", "no surface around the head", "wrong axes or origin")

@@ -40,7 +40,9 @@ def read_table(path: Path, key: str) -> list[Column]:
     """
     lines = _lines(path, key)
     delimiter = _delimiter([text for _, text in lines])
-    parted = [(n, [f.strip() for f in next(csv.reader([t], delimiter=delimiter))]) for n, t in lines]
+    parted = [
+        (n, [f.strip() for f in next(csv.reader([t], delimiter=delimiter))]) for n, t in lines
+    ]
     start = next((i for i, (_, fields) in enumerate(parted) if len(fields) > 1), None)
     if start is None:
         raise SetupError.of(key, str(path), "holds no table: no line has two columns")

@@ -1,0 +1,256 @@
+"""The crashes that could have left a crush map, with their probabilities."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.stats import qmc
+
+from helmet_sim_ros.biomech.record import FloatArray
+from helmet_sim_ros.errors import SetupError, StudyError
+from helmet_sim_ros.model.force.columns import Columns, columns
+from helmet_sim_ros.model.setup import ImpactSetup
+from helmet_sim_ros.study.extra import need
+from helmet_sim_ros.study.reconstruction.crash import (
+    DURATION,
+    NAMES,
+    Scene,
+    residual_crush,
+    scene,
+    site,
+)
+from helmet_sim_ros.study.reconstruction.crush_map import CrushMap, interpolation
+from helmet_sim_ros.study.reconstruction.emulator import Emulator, Likelihood
+
+SPEEDS = 12  # straight blows at rising speed, for a first guess
+FIRST, SECOND = 192, 192  # simulated crashes over the prior around the guess, and in the posterior
+WALKERS, BURN, STEPS = 32, 600, 1200
+INTERVAL = 0.90
+UNKNOWN = 0.8  # share of the prior's width from which on the crush does not tell a quantity
+UNITS = {
+    "normal_velocity": "m/s", "tangential_velocity": "m/s", "speed": "m/s", "angle": "deg",
+    "azimuth": "deg", "elevation": "deg",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Reconstruction:
+    """What a crush map tells of its crash.
+
+    Attributes:
+        scene: what was given.
+        parameters: a sample of the posterior, (n, 5); see :data:`.crash.NAMES`.
+        quantities: the same as ``UNITS`` names them, (n,) each; ``angle`` is that of the speed to
+            the surface, 90 straight into it.
+        told: share of the prior's interval that the posterior's takes, by name.
+        misfit: root mean square of measured less most likely depth, over the noise [-]; about 1
+            where the model explains the map.
+        emulator_error: of the stand-in for the simulation, root mean square [m].
+        simulations: how many were run.
+        acceptance: of the sampler; ``steps_per_sample``: its autocorrelation time.
+        notes: in words.
+    """
+
+    scene: Scene
+    parameters: FloatArray
+    quantities: Mapping[str, FloatArray]
+    told: Mapping[str, float]
+    misfit: float
+    emulator_error: float
+    simulations: int
+    acceptance: float
+    steps_per_sample: float
+    notes: tuple[str, ...]
+
+    def interval(self, name: str, share: float = INTERVAL) -> tuple[float, float, float]:
+        """Lower end, median and upper end of the interval that holds a share of the sample."""
+        values = self.quantities[name]
+        low, middle, high = np.quantile(values, [0.5 - 0.5 * share, 0.5, 0.5 + 0.5 * share])
+        return float(low), float(middle), float(high)
+
+
+def reconstruct(
+    crush: CrushMap,
+    setup: ImpactSetup,
+    noise: float = 0.5e-3,
+    fastest: float = 10.0,
+    along: float = 8.0,
+    seed: int = 0,
+) -> Reconstruction:
+    """Sample the crashes that explain a crush map.
+
+    The prior is uniform: up to ``fastest`` into the surface, up to ``along`` along it to every
+    side, within 20 degrees about the middle of the crush. Measured depths scatter normally about
+    the simulated ones by ``noise`` and by the stand-in's own error. The sampler is emcee's ensemble
+    (Foreman-Mackey et al. 2013, doi 10.1086/670067).
+
+    Args:
+        crush: measured.
+        setup: helmet (foam), headform and surface; speeds and site are found.
+        noise: standard deviation of a measured depth [m].
+        fastest, along: bounds of the speeds [m/s].
+        seed: of every random number.
+
+    Raises:
+        SetupError: a helmet without foam.
+        StudyError: emcee is not installed, or most simulations diverged.
+    """
+    emcee = need("emcee", "cad")
+    setup = setup.replaced({"rig": "headform", "duration": DURATION})
+    if setup.helmet_config.coupling != "foam":
+        raise SetupError.of("helmet.coupling", "spring", "must be foam: a spring keeps no crush")
+    cells = columns(setup.helmet_config)
+    middle = _middle(crush, cells)
+    whole = scene(setup, middle, fastest, along)
+    index, weight = interpolation(cells, crush.place)
+    simulated = 0
+
+    def at_places(points: FloatArray) -> FloatArray:
+        nonlocal simulated
+        simulated += len(points)
+        result: FloatArray = (residual_crush(whole, points)[:, index] * weight).sum(axis=2)
+        return result
+
+    guess = _first_speed(crush.depth, at_places, fastest)
+    near = _around(whole, guess)
+    points = qmc.scale(qmc.Sobol(5, rng=seed).random(FIRST), near.low, near.high)
+    known, values = _kept(points, at_places(points))
+    random = np.random.default_rng(seed)
+    start = _best(known, values, crush.depth)
+    for final in (False, True):
+        emulator = Emulator(known, values, whole.low, whole.high)
+        sampler = emcee.EnsembleSampler(
+            WALKERS, len(NAMES), _log_posterior, vectorize=True,
+            args=(Likelihood(emulator, crush.depth, noise), near),
+        )  # fmt: skip
+        sampler.random_state = np.random.RandomState(seed).get_state()
+        spread = 0.02 * (near.high - near.low)
+        walkers = start + spread * random.standard_normal((WALKERS, len(NAMES)))
+        walkers = np.clip(walkers, near.low + 1e-6, near.high - 1e-6)
+        state = sampler.run_mcmc(walkers, BURN)
+        sampler.reset()
+        sampler.run_mcmc(state, STEPS)
+        sample = sampler.get_chain(flat=True)
+        start = sample[int(np.argmax(sampler.get_log_prob(flat=True)))]
+        if not final:
+            chosen = sample[random.choice(len(sample), SECOND, replace=False)]
+            # Wider than the posterior, so that its edge is not beyond what was simulated.
+            wide = np.clip(start + 1.5 * (chosen - start), whole.low, whole.high)
+            more, crushed = _kept(wide, at_places(wide))
+            known, values = np.vstack([known, more]), np.vstack([values, crushed])
+            near = _around(whole, guess, np.quantile(wide[:, 0], [0.0, 1.0]))
+    tau = float(np.mean(sampler.get_autocorr_time(quiet=True, tol=0)))
+    misfit = float(np.sqrt(np.mean((emulator(start[None])[0] - crush.depth) ** 2))) / noise
+    return _told(
+        whole, sample, misfit, emulator, simulated, float(sampler.acceptance_fraction.mean()), tau
+    )
+
+
+def _told(
+    whole: Scene, sample: FloatArray, misfit: float, emulator: Emulator, simulated: int,
+    acceptance: float, tau: float,
+) -> Reconstruction:  # fmt: skip
+    quantities = quantities_of(whole, sample)
+    flat = np.random.default_rng(0).uniform(whole.low, whole.high, (20_000, len(NAMES)))
+    prior = quantities_of(whole, flat)
+    ends = [0.5 - 0.5 * INTERVAL, 0.5 + 0.5 * INTERVAL]
+    told = {
+        name: float(np.ptp(np.quantile(values, ends)) / np.ptp(np.quantile(prior[name], ends)))
+        for name, values in quantities.items()
+    }
+    notes = [
+        f"the crush does not tell {name}: its interval is {100 * told[name]:.0f} % of what was "
+        "thought possible before"
+        for name in told if told[name] > UNKNOWN
+    ]  # fmt: skip
+    if misfit > 2.0:
+        notes.append(
+            f"the most likely crash misses the map by {misfit:.1f} times the noise: helmet, foam or "
+            "surface are not the map's, or the noise is larger"
+        )
+    error = float(np.sqrt((emulator.apart**2).mean()))
+    return Reconstruction(
+        whole, sample, quantities, told, misfit, error, simulated, acceptance, tau, tuple(notes)
+    )
+
+
+def quantities_of(scene: Scene, parameters: FloatArray) -> dict[str, FloatArray]:
+    """The quantities of ``UNITS`` of points of the parameter space, (n, 5); (n,) each."""
+    normal, x, y, u, v = parameters.T
+    tangential = np.hypot(x, y)
+    azimuth, elevation = site(scene, u, v)
+    middle = np.degrees(np.arctan2(scene.place[1], scene.place[0]))
+    azimuth = middle + (azimuth - middle + 180.0) % 360.0 - 180.0  # no jump behind the head
+    return {
+        "normal_velocity": normal,
+        "tangential_velocity": tangential,
+        "speed": np.hypot(normal, tangential),
+        "angle": np.degrees(np.arctan2(normal, tangential)),
+        "azimuth": azimuth,
+        "elevation": elevation,
+    }
+
+
+def _middle(crush: CrushMap, cells: Columns) -> FloatArray:
+    """Where the crush points at: mean normal of the shell, weighted by depth, as the place there."""
+    weight = np.maximum(crush.depth, 0.0) ** 2
+    place: FloatArray = (weight[:, None] * crush.place).sum(axis=0) / weight.sum()
+    return place / np.linalg.norm(place)
+
+
+def _first_speed(
+    depth: FloatArray, at_places: Callable[[FloatArray], FloatArray], fastest: float
+) -> float:
+    """The speed of the straight blow at the middle whose crush is nearest."""
+    speeds = np.linspace(1.0, fastest, SPEEDS)
+    points = np.column_stack([speeds, np.zeros((SPEEDS, 4))])
+    apart = np.nan_to_num(((at_places(points) - depth) ** 2).sum(axis=1), nan=np.inf)
+    return float(speeds[int(apart.argmin())])
+
+
+def _around(whole: Scene, speed: float, reach: FloatArray | None = None) -> Scene:
+    """The part of a scene's space that a first guess leaves: speeds within a third or so."""
+    low, high = whole.low.copy(), whole.high.copy()
+    ends = (0.6 * speed - 0.5, 1.6 * speed + 0.5) if reach is None else reach
+    low[0], high[0] = max(low[0], ends[0]), min(high[0], ends[1])
+    return Scene(whole.setup, whole.place, low, high)
+
+
+def _kept(points: FloatArray, crush: FloatArray) -> tuple[FloatArray, FloatArray]:
+    finite = np.isfinite(crush).all(axis=1)
+    if finite.mean() < 0.8:
+        raise StudyError(f"{int((~finite).sum())} of {len(finite)} simulations diverged")
+    return points[finite], crush[finite]
+
+
+def _best(points: FloatArray, crush: FloatArray, depth: FloatArray) -> FloatArray:
+    best: FloatArray = points[int(((crush - depth) ** 2).sum(axis=1).argmin())]
+    return best
+
+
+def _log_posterior(points: FloatArray, likelihood: Likelihood, scene: Scene) -> FloatArray:
+    inside = ((points >= scene.low) & (points <= scene.high)).all(axis=1)
+    logs = np.full(len(points), -np.inf)
+    if inside.any():
+        logs[inside] = likelihood.log(points[inside])
+    return logs
+
+
+def write_sample(result: Reconstruction, path: Path) -> None:
+    """The sample's quantities as CSV, a crash per row.
+
+    Raises:
+        SetupError: cannot be written.
+    """
+    try:
+        with path.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow([f"{name} [{unit}]" for name, unit in UNITS.items()])
+            rows = np.column_stack([result.quantities[name] for name in UNITS])
+            writer.writerows([[f"{value:.6g}" for value in row] for row in rows])
+    except OSError as error:
+        raise SetupError.of("samples", str(path), f"cannot be written: {error.strerror}") from error
