@@ -164,10 +164,13 @@ class Padding(Config):
     """Comfort padding between head and liner; see model/force/fit.py for the law. General
     literature values of soft polyurethane foam; not measured for this model."""
 
-    thickness: float = quantity("thickness at rest", "m", 0.006, ge=1e-3, le=0.03)
-    modulus: float = quantity("initial modulus in compression", "Pa", 60e3, ge=1e3, le=1e7)
+    thickness: float = quantity("thickness at rest", "m", 0.005, ge=1e-3, le=0.03)
+    modulus: float = quantity("initial modulus in compression", "Pa", 20e3, ge=1e3, le=1e7)
     densification: float = quantity(
         "strain at which the pores are closed", "-", 0.9, ge=0.3, le=0.98
+    )
+    energy_returned: float = quantity(
+        "share of the energy of compression that is given back", "-", 0.2, ge=0.05, le=0.5
     )
     damping: float = quantity("damping c of the pressure p (1 + c v)", "s/m", 0.2, ge=0.0, le=5.0)
     shear_modulus: float = quantity("modulus in shear", "Pa", 100e3, ge=1e3, le=1e8)

@@ -11,6 +11,7 @@ on both is zero to the last bit.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -38,6 +39,9 @@ from helmet_sim_ros.model.helmet import Helmet
 
 #: Share of the densification strain beyond which a padding's law goes on as a straight line.
 LINEAR_FROM = 0.9
+#: s, in which a padding recovers from its compression: longer than an impact, shorter than the time
+#: to the next one (a choice; slow-recovery foams take a second).
+RECOVERY = 0.05
 
 
 class Padding(NamedTuple):
@@ -47,7 +51,8 @@ class Padding(NamedTuple):
         thickness: of the padding at rest [m].
         modulus: of the padding, first compression [Pa].
         densification: strain at which its pores are closed [-].
-        damping: c of the pressure p(e) (1 + c e') [s/m].
+        returned: share of the energy of compression that it gives back [-].
+        damping: c of the pressure p (1 + c v) for a rate of compression v [s/m].
         preload: compression on the head at rest [m].
         shear: shear stiffness per area of padding and head surface in series [Pa/m].
         relaxation: damping over stiffness in shear [s].
@@ -57,6 +62,7 @@ class Padding(NamedTuple):
     thickness: float
     modulus: float
     densification: float
+    returned: float
     damping: float
     preload: float
     shear: float
@@ -92,6 +98,7 @@ class Fit(NamedTuple):
         point: patches on that surface, helmet frame, (n, 3) [m].
         area: (n,) [m^2].
         stick: shear deflection, head axes, (n, 3) [m]; state.
+        deepest: largest compression, recovering, (n,) [m]; state.
     """
 
     slide: int
@@ -103,6 +110,7 @@ class Fit(NamedTuple):
     point: FloatArray
     area: FloatArray
     stick: FloatArray
+    deepest: FloatArray
 
 
 def padding_of(helmet: Helmet, surface: HeadSurface) -> Padding:
@@ -112,7 +120,7 @@ def padding_of(helmet: Helmet, surface: HeadSurface) -> Padding:
     if surface.shear_modulus is not None:
         compliance += surface.thickness / surface.shear_modulus
     return Padding(
-        pad.thickness, pad.modulus, pad.densification, pad.damping, pad.preload,
+        pad.thickness, pad.modulus, pad.densification, pad.energy_returned, pad.damping, pad.preload,
         1.0 / compliance, pad.relaxation, surface.friction,
     )  # fmt: skip
 
@@ -146,7 +154,7 @@ def fit(helmet: Helmet, surface: HeadSurface, slide: int, slide_velocity: int) -
         slide, slide_velocity, padding_of(helmet, surface),
         Strap(strap.anchor, strap.chin, length, strap.stiffness, strap.damping),
         axes, shell.center, np.ascontiguousarray(point), np.ascontiguousarray(area),
-        np.zeros((len(area), 3)),
+        np.zeros((len(area), 3)), np.zeros(len(area)),
     )  # fmt: skip
 
 
@@ -162,6 +170,20 @@ def pressure(padding: Padding, compression: float) -> float:
         return padding.modulus * strain / (1.0 - strain / padding.densification)
     at_edge = padding.modulus * edge / (1.0 - LINEAR_FROM)
     return at_edge + padding.modulus / (1.0 - LINEAR_FROM) ** 2 * (strain - edge)
+
+
+@inlined
+def energy(padding: Padding, compression: float) -> float:
+    """Energy per area [J/m^2] up to a compression [m], the integral of :func:`pressure`."""
+    strain, limit = compression / padding.thickness, padding.densification
+    edge = LINEAR_FROM * limit
+    share = min(strain, edge) / limit
+    taken = padding.modulus * limit * limit * (-share - math.log(1.0 - share))
+    if strain > edge:
+        at_edge = padding.modulus * edge / (1.0 - LINEAR_FROM)
+        slope = padding.modulus / (1.0 - LINEAR_FROM) ** 2
+        taken += (at_edge + 0.5 * slope * (strain - edge)) * (strain - edge)
+    return taken * padding.thickness
 
 
 @inlined
@@ -203,7 +225,8 @@ def apply(fit: Fit, step: float, motion: Motion, loads: Loads) -> None:
             frame's origin of the helmet on the head, head axes.
     """
     qpos, qvel, q, v = motion.qpos, motion.qvel, fit.slide, fit.slide_velocity
-    points, areas, sticks, padding, strap = fit.point, fit.area, fit.stick, fit.padding, fit.strap
+    points, areas, sticks, deepest = fit.point, fit.area, fit.stick, fit.deepest
+    padding, strap = fit.padding, fit.strap
     shift = (qpos[q], qpos[q + 1], qpos[q + 2])
     rotation = rotation_of(qpos, q + 3)
     speed = (qvel[v], qvel[v + 1], qvel[v + 2])
@@ -221,13 +244,19 @@ def apply(fit: Fit, step: float, motion: Motion, loads: Loads) -> None:
         slope = (gx * gx + gy * gy + gz * gz) ** 0.5
         compression = padding.preload - (level - 1.0) * level / slope
         if compression <= 0.0:
+            deepest[i] -= deepest[i] * min(1.0, step / RECOVERY)
             sticks[i, 0] = sticks[i, 1] = sticks[i, 2] = 0.0
             continue
         normal = (gx / slope, gy / slope, gz / slope)
         velocity = add(speed, cross(spin, arm))
         rate = -dot(normal, velocity)
-        pressed = areas[i] * pressure(padding, compression)
-        pressed *= max(0.0, 1.0 + padding.damping * rate)
+        largest = max(deepest[i], compression)
+        full = pressure(padding, largest)
+        if compression < largest:
+            width = 2.0 * padding.returned * energy(padding, largest) / full
+            full *= max(0.0, 1.0 - (largest - compression) / width)
+        deepest[i] = largest + (compression - largest) * min(1.0, step / RECOVERY)
+        pressed = areas[i] * full * max(0.0, 1.0 + padding.damping * rate)
         rubbed = friction_force(
             padding.shear * areas[i], padding.relaxation, padding.friction * pressed,
             across(velocity, normal), normal, step, sticks[i],

@@ -71,3 +71,51 @@ def friction_force(
     stick[1] = sy
     stick[2] = sz
     return -x, -y, -z
+
+
+@inlined
+def yielding_force(
+    stiffness: float,
+    hardening: float,
+    limit: float,
+    slip: Vec,
+    normal: Vec,
+    step: float,
+    sheared: FloatArray,
+) -> Vec:
+    """Friction [N] through a layer that yields in shear and hardens with its plastic path.
+
+    The elastic deflection carries at most ``hardening`` times the plastic path so far, and never
+    more than friction: what a layer has taken up it does not give back but for the elastic part
+    (isotropic linear hardening with radial return, Simo & Hughes, Computational Inelasticity,
+    1998, sec. 3.2).
+
+    Args:
+        stiffness: elastic, of the layer in shear [N/m].
+        hardening: secant stiffness of the plastic path [N/m].
+        limit: mu F_n [N].
+        slip: velocity across the normal [m/s].
+        normal: of the contact, unit vector.
+        step: time step [s].
+        sheared: elastic deflection (3) and plastic path, shape (4,) [m]; changed in place.
+    """
+    nx, ny, nz = normal
+    off = sheared[0] * nx + sheared[1] * ny + sheared[2] * nz
+    sx = sheared[0] - off * nx + slip[0] * step
+    sy = sheared[1] - off * ny + slip[1] * step
+    sz = sheared[2] - off * nz + slip[2] * step
+    trial = stiffness * (sx * sx + sy * sy + sz * sz) ** 0.5
+    bound = hardening * sheared[3]
+    if trial > bound and bound < limit:
+        sheared[3] += (trial - bound) / (stiffness + hardening)
+        bound = hardening * sheared[3]
+    bound = min(bound, limit)
+    if trial > bound:
+        shrink = bound / trial
+        sx *= shrink
+        sy *= shrink
+        sz *= shrink
+    sheared[0] = sx
+    sheared[1] = sy
+    sheared[2] = sz
+    return -stiffness * sx, -stiffness * sy, -stiffness * sz

@@ -27,12 +27,13 @@ from helmet_sim_ros.model.force.bodies import (
 )
 from helmet_sim_ros.model.force.columns import Columns
 from helmet_sim_ros.model.force.foam import (
+    MODULUS,
     loading_stress,
     mean_over_point,
     residual_strain,
     unloading_stress,
 )
-from helmet_sim_ros.model.force.friction import RELAXATION, friction_force
+from helmet_sim_ros.model.force.friction import yielding_force
 from helmet_sim_ros.model.force.vector import (
     Vec,
     across,
@@ -86,7 +87,7 @@ class CrushingLiner(NamedTuple):
             the next search starts.
         largest: largest strain so far, (n,); state.
         rest: the residual strain that belongs to it, below 0: not yet known, (n,); state.
-        stick: shear deflection, world axes, (n, 3) [m]; state.
+        stick: elastic shear deflection (3), world axes, and plastic path, (n, 4) [m]; state.
         near: which columns may touch; state.
     """
 
@@ -113,7 +114,7 @@ def crushing_liner(
     )
     return CrushingLiner(
         columns, helmet, shell.center, shell.semi_axes, measured, np.zeros((shapes, 3)), largest,
-        np.full(n, -1.0), np.zeros((n, 3)), near,
+        np.full(n, -1.0), np.zeros((n, 4)), near,
     )  # fmt: skip
 
 
@@ -177,7 +178,7 @@ def find_near(liner: CrushingLiner, surface: Surface, motion: Motion) -> None:
             listed[count] = i
             count += 1
         else:
-            sticks[i, 0] = sticks[i, 1] = sticks[i, 2] = 0.0
+            sticks[i, 0] = sticks[i, 1] = sticks[i, 2] = sticks[i, 3] = 0.0
     listed[-1] = count
 
 
@@ -215,24 +216,26 @@ def apply(
         sagitta = min(0.125 * radius * radius * curvature, SAGITTA * radius)
         share, low, high = part_below(-distance - sagitta, radius, cosine)
         if share == 0.0:
-            stick[0] = stick[1] = stick[2] = 0.0
+            stick[0] = stick[1] = stick[2] = stick[3] = 0.0
             continue
         thickness, foam = thicknesses[i], foams[i]
         stress = compressed(
             low * cosine / thickness, high * cosine / thickness, foam, i, largest, rest
         )
         if stress <= 0.0:
-            stick[0] = stick[1] = stick[2] = 0.0
+            stick[0] = stick[1] = stick[2] = stick[3] = 0.0
             continue
         area = areas[i] * share * cosine
         # The crushed shell lies on the surface: velocity of the helmet frame there.
         touch = add(point, scaled(normal, -distance))
         slip = across(velocity_at(helmet, touch), normal)
-        # Crushed cell walls have buckled: the secant modulus of the largest strain.
+        # Crushed cell walls have buckled: they yield in shear along the secant modulus.
         secant = loading_stress(largest[i], foam) / largest[i]
-        shear = secant / (2.0 * (1.0 + POISSON)) * area / thickness
+        per_modulus = area / (2.0 * (1.0 + POISSON) * thickness)
         limit = surface.friction[shape] * stress * area
-        rubbed = friction_force(shear, RELAXATION, limit, slip, normal, step, stick)
+        rubbed = yielding_force(
+            foam[MODULUS] * per_modulus, secant * per_modulus, limit, slip, normal, step, stick
+        )
         pushed = add(scaled(normal, stress * area), rubbed)
         force, friction = add(force, pushed), add(friction, rubbed)
         moment = add(moment, cross(touch, pushed))
