@@ -51,7 +51,11 @@ def imported(
 def like_fullface(helmet: Helmet) -> Helmet:
     """The helmet with everything but its shape from ``fullface``."""
     base = load_helmet("fullface")
-    values = {"coupling": "foam", "geometry": helmet.geometry, "liner.columns": helmet.liner.columns}
+    values = {
+        "coupling": "foam",
+        "geometry": helmet.geometry,
+        "liner.columns": helmet.liner.columns,
+    }
     return base.replaced(values)  # type: ignore[no-any-return]
 
 
@@ -126,13 +130,13 @@ def test_the_cells_have_the_area_and_thickness_of_the_meshes(tmp_path: Path) -> 
 def test_crushed_area_and_volume_are_those_of_the_mesh(
     whole: Pair, direction: tuple[float, float, float], depth: float
 ) -> None:
-    """Against the mesh itself, cut by a plane and integrated triangle by triangle, within 2 %."""
+    """Against the mesh itself, integrated over its 300 000 triangles, within 2 %."""
     down = np.array(direction) / np.linalg.norm(direction)
     mesh = ellipsoid(OUTER, 7)
     plane = float((mesh.vertices @ down).max()) - depth
-    cap = trimesh.intersections.slice_mesh_plane(mesh, down, plane * down)
-    area = cap.area_faces * (cap.face_normals @ down)
-    volume = area @ (cap.triangles_center @ down - plane)
+    height = mesh.triangles_center @ down - plane
+    area = np.where(height > 0.0, mesh.area_faces * (mesh.face_normals @ down), 0.0)
+    volume = area @ height
 
     cells = columns(whole.imported)
     touch = first_touch(whole.imported, down)

@@ -169,8 +169,8 @@ def _scale(column: Column, units: dict[str, float], path: Path) -> float:
     unit = column.unit.lower().replace(" ", "")
     if unit not in units:
         raise SetupError.of(
-            column.name, column.unit or "no unit", f"must be one of {', '.join(units)}, in brackets "
-            f"in the heading of {path}",
+            column.name, column.unit or "no unit",
+            f"must be one of {', '.join(units)}, in brackets in the heading of {path}",
         )  # fmt: skip
     return units[unit]
 

@@ -115,7 +115,7 @@ def fit_foam(
     error, worst = float(np.sqrt(np.mean(apart**2))), float(np.abs(apart).max())
     notes.append(
         f"fitted law: yield {law.yield_stress:.3g} Pa, modulus {law.modulus:.3g} Pa, gas "
-        f"{law.gas_pressure:.3g} Pa; its error {100 * error:.1f} % of the plateau's stress, at most "
+        f"{law.gas_pressure:.3g} Pa; its error {100 * error:.1f} % of the plateau, at most "
         f"{100 * worst:.1f} %"
     )
     spread_of = (max(10.0, (1 - SPREAD) * density), min(300.0, (1 + SPREAD) * density))

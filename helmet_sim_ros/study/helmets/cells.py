@@ -103,7 +103,8 @@ def cells_of(surface: Surface, count: int) -> Cells:
     place = np.column_stack([surface.middle, TURN * normal])
     directions = _lattice(4 * count)
     away, nearest = cKDTree(surface.middle / _length(surface.middle)).query(directions)
-    seeds = np.unique(nearest[away < np.sqrt(4.0 * np.pi / len(directions))])
+    met = nearest[away < np.sqrt(4.0 * np.pi / len(directions))]
+    seeds = met[np.sort(np.unique(met, return_index=True)[1])]  # in the lattice's order
     middle = place[seeds[np.linspace(0, len(seeds) - 1, min(count, len(seeds))).astype(int)]]
     for _ in range(ROUNDS):
         cell = cKDTree(middle).query(place)[1]

@@ -21,7 +21,7 @@ HEADFORMS = {"A": 0.500, "E": 0.540, "J": 0.570, "M": 0.600, "O": 0.620}
 LENGTH, BREADTH = 0.199 / 0.574, 0.154 / 0.574
 DEEPEST = 0.12  # m, how far below the shell the liner is searched
 THICKEST_SHELL = 0.015  # m
-START = 0.005  # m, above the cell, from where rays are cast: a cell's middle lies in the shell
+START = 0.03  # m, above the cell, from where rays are cast: to see a liner outside the shell
 THINNEST = 0.005  # m; a thinner place counts as this, a choice: crush needs some way
 OUTSIDE = 0.001  # m, by which a liner may lie outside the shell (facets of either mesh)
 GIRTH = (-0.02, 0.05)  # m, heights between which the headform must fit
@@ -65,9 +65,10 @@ def measured(cells: Cells, shell: Trimesh, liner: Trimesh | None, path: str) -> 
     """
     nothing = np.full(len(cells.area), np.nan)
     outer = _distances(shell, cells)
-    second = np.array([_between(d, THICKEST_SHELL) for d in outer])
     # A cell's middle lies a little below the surface that it is the mean of.
-    start = np.array([d[0] if len(d) and abs(d[0]) < THICKEST_SHELL else 0.0 for d in outer])
+    start = np.array([d[np.abs(d).argmin()] if len(d) else 0.0 for d in outer])
+    start[np.abs(start) > THICKEST_SHELL] = 0.0
+    second = np.array([_next(d, s, THICKEST_SHELL) for d, s in zip(outer, start, strict=True)])
     if liner is None:
         return Depths(second, nothing)
     inner, thickness = _distances(liner, cells), nothing.copy()
@@ -164,11 +165,10 @@ def _apart(distances: FloatArray) -> FloatArray:
     return distances[np.diff(distances, prepend=-np.inf) > 1e-5]
 
 
-def _between(distances: FloatArray, most: float) -> float:
-    """From the first to the second face of a solid shell [m]; 0 for a sheet."""
-    if len(distances) < 2 or distances[1] > most:
-        return 0.0
-    return float(distances[1] - distances[0])
+def _next(distances: FloatArray, first: float, most: float) -> float:
+    """From the outer to the inner face of a solid shell [m]; 0 for a sheet."""
+    beyond = distances[distances > first + 1e-5] - first
+    return float(beyond[0]) if len(beyond) and beyond[0] < most else 0.0
 
 
 def _place(point: FloatArray) -> str:

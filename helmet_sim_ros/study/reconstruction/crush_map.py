@@ -63,8 +63,8 @@ def read_crush_map(path: Path, cells: Columns) -> CrushMap:
     away = cKDTree(cells.point).query(place)[0]
     for i in np.flatnonzero(away > OFF):
         raise SetupError.of(
-            "place", place[i].tolist(), f"m lies {1e3 * away[i]:.0f} mm from the shell; wrong unit, "
-            "or not the head's axes",
+            "place", place[i].tolist(), f"m lies {1e3 * away[i]:.0f} mm from the shell; wrong "
+            "unit, or not the head's axes",
             f"{path} row {rows[i]}",
         )  # fmt: skip
     if not (depth > 0.0).any():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import RBFInterpolator
 from scipy.linalg import solve_triangular
 
@@ -22,22 +23,22 @@ class Emulator:
         apart: errors at each place by cross-validation, (n, places) [m].
     """
 
-    def __init__(
-        self, points: FloatArray, crush: FloatArray, low: FloatArray, high: FloatArray
-    ) -> None:
+    def __init__(self, points: FloatArray, crush: FloatArray) -> None:
         """Learn from simulated crashes.
 
         Args:
             points: parameters, (n, p).
             crush: at the places, (n, places) [m].
-            low, high: of the parameters, (p,), to scale them.
         """
-        self._low, self._span = low, high - low
+        self._middle = points.mean(axis=0)
+        self._spread = np.linalg.cholesky(np.cov(points.T))
         self.mean: FloatArray = crush.mean(axis=0)
         _, weight, axes = np.linalg.svd(crush - self.mean, full_matrices=False)
         share = np.cumsum(weight**2) / max(float((weight**2).sum()), 1e-30)
         self.axes: FloatArray = axes[: int(np.searchsorted(share, 1.0 - KEPT)) + 1]
-        scaled, components = self._scaled(points), (crush - self.mean) @ self.axes.T
+        scaled = self._scaled(points)
+        self._low, self._high = scaled.min(axis=0), scaled.max(axis=0)
+        components = (crush - self.mean) @ self.axes.T
         self._surface = RBFInterpolator(scaled, components, kernel=KERNEL)
         self.apart: FloatArray = np.empty_like(crush)
         for k in range(FOLDS):
@@ -56,7 +57,13 @@ class Emulator:
         return crush
 
     def _scaled(self, points: FloatArray) -> FloatArray:
-        return (points - self._low) / self._span
+        return np.asarray(solve_triangular(self._spread, (points - self._middle).T, lower=True).T)
+
+    def knows(self, points: FloatArray) -> NDArray[np.bool_]:
+        """Whether points lie among those that it has learnt from, (n,)."""
+        scaled = self._scaled(points)
+        inside: NDArray[np.bool_] = ((scaled >= self._low) & (scaled <= self._high)).all(axis=1)
+        return inside
 
 
 class Likelihood:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.stats import qmc
+from scipy.optimize import least_squares
 
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.errors import SetupError, StudyError
@@ -27,7 +27,10 @@ from helmet_sim_ros.study.reconstruction.crush_map import CrushMap, interpolatio
 from helmet_sim_ros.study.reconstruction.emulator import Emulator, Likelihood
 
 SPEEDS = 12  # straight blows at rising speed, for a first guess
-FIRST, SECOND = 192, 192  # simulated crashes over the prior around the guess, and in the posterior
+EVALUATIONS = 12  # of each descent, each with ten simulations for its slope
+STEP = 0.01  # of the parameters' spans, for slopes
+FIRST, ROUNDS = 160, (160, 160)  # simulated crashes: about the most likely, about the posterior
+WIDER = 1.6  # than the posterior, for what is simulated
 WALKERS, BURN, STEPS = 32, 600, 1200
 INTERVAL = 0.90
 UNKNOWN = 0.8  # share of the prior's width from which on the crush does not tell a quantity
@@ -115,34 +118,29 @@ def reconstruct(
         result: FloatArray = (residual_crush(whole, points)[:, index] * weight).sum(axis=2)
         return result
 
-    guess = _first_speed(crush.depth, at_places, fastest)
-    near = _around(whole, guess)
-    points = qmc.scale(qmc.Sobol(5, rng=seed).random(FIRST), near.low, near.high)
-    known, values = _kept(points, at_places(points))
     random = np.random.default_rng(seed)
-    start = _best(known, values, crush.depth)
-    for final in (False, True):
-        emulator = Emulator(known, values, whole.low, whole.high)
+    best, spread = most_likely(whole, crush.depth, noise, at_places)
+    # Twice as wide as a normal posterior would be, so that its edge is among what was simulated.
+    chosen = best + WIDER * random.standard_normal((FIRST, len(NAMES))) @ spread.T
+    for size in (*ROUNDS, 0):
+        points = np.clip(chosen, whole.low, whole.high)
+        known, values = _kept(points, at_places(points))
+        emulator = Emulator(known, values)
         sampler = emcee.EnsembleSampler(
             WALKERS, len(NAMES), _log_posterior, vectorize=True,
-            args=(Likelihood(emulator, crush.depth, noise), near),
+            args=(Likelihood(emulator, crush.depth, noise), emulator, whole),
         )  # fmt: skip
         sampler.random_state = np.random.RandomState(seed).get_state()
-        spread = 0.02 * (near.high - near.low)
-        walkers = start + spread * random.standard_normal((WALKERS, len(NAMES)))
-        walkers = np.clip(walkers, near.low + 1e-6, near.high - 1e-6)
-        state = sampler.run_mcmc(walkers, BURN)
+        first = Likelihood(emulator, crush.depth, noise).log(known)
+        walkers = known[np.argsort(-first)[:WALKERS]]
+        state = sampler.run_mcmc(walkers, BURN, skip_initial_state_check=True)
         sampler.reset()
         sampler.run_mcmc(state, STEPS)
         sample = sampler.get_chain(flat=True)
         start = sample[int(np.argmax(sampler.get_log_prob(flat=True)))]
-        if not final:
-            chosen = sample[random.choice(len(sample), SECOND, replace=False)]
-            # Wider than the posterior, so that its edge is not beyond what was simulated.
-            wide = np.clip(start + 1.5 * (chosen - start), whole.low, whole.high)
-            more, crushed = _kept(wide, at_places(wide))
-            known, values = np.vstack([known, more]), np.vstack([values, crushed])
-            near = _around(whole, guess, np.quantile(wide[:, 0], [0.0, 1.0]))
+        if size:
+            some = sample[random.choice(len(sample), size, replace=False)]
+            chosen = sample.mean(axis=0) + WIDER * (some - sample.mean(axis=0))
     tau = float(np.mean(sampler.get_autocorr_time(quiet=True, tol=0)))
     misfit = float(np.sqrt(np.mean((emulator(start[None])[0] - crush.depth) ** 2))) / noise
     return _told(
@@ -169,8 +167,8 @@ def _told(
     ]  # fmt: skip
     if misfit > 2.0:
         notes.append(
-            f"the most likely crash misses the map by {misfit:.1f} times the noise: helmet, foam or "
-            "surface are not the map's, or the noise is larger"
+            f"the most likely crash misses the map by {misfit:.1f} times the noise: helmet, foam "
+            "or surface are not the map's, or the noise is larger"
         )
     error = float(np.sqrt((emulator.apart**2).mean()))
     return Reconstruction(
@@ -196,28 +194,54 @@ def quantities_of(scene: Scene, parameters: FloatArray) -> dict[str, FloatArray]
 
 
 def _middle(crush: CrushMap, cells: Columns) -> FloatArray:
-    """Where the crush points at: mean normal of the shell, weighted by depth, as the place there."""
+    """Where the crush points at: the mean place, weighted by the depths' squares, (3,)."""
     weight = np.maximum(crush.depth, 0.0) ** 2
     place: FloatArray = (weight[:, None] * crush.place).sum(axis=0) / weight.sum()
     return place / np.linalg.norm(place)
 
 
-def _first_speed(
-    depth: FloatArray, at_places: Callable[[FloatArray], FloatArray], fastest: float
-) -> float:
-    """The speed of the straight blow at the middle whose crush is nearest."""
-    speeds = np.linspace(1.0, fastest, SPEEDS)
-    points = np.column_stack([speeds, np.zeros((SPEEDS, 4))])
-    apart = np.nan_to_num(((at_places(points) - depth) ** 2).sum(axis=1), nan=np.inf)
-    return float(speeds[int(apart.argmin())])
+def most_likely(
+    whole: Scene, depth: FloatArray, noise: float,
+    at_places: Callable[[FloatArray], FloatArray],
+) -> tuple[FloatArray, FloatArray]:  # fmt: skip
+    """The crash whose crush is nearest, (5,), and a root of its covariance, (5, 5).
 
+    Straight blows give a first speed; from there, and from blows along the shell to four sides,
+    least squares go down; the best end is taken. The covariance is that of a linear model and the
+    prior's together.
+    """
+    span = whole.high - whole.low
+    speeds = np.linspace(1.0, whole.high[0], SPEEDS)
+    straight = np.column_stack([speeds, np.zeros((SPEEDS, 4))])
+    apart = ((at_places(straight) - depth) ** 2).sum(axis=1)
+    speed = float(speeds[int(np.nan_to_num(apart, nan=np.inf).argmin())])
 
-def _around(whole: Scene, speed: float, reach: FloatArray | None = None) -> Scene:
-    """The part of a scene's space that a first guess leaves: speeds within a third or so."""
-    low, high = whole.low.copy(), whole.high.copy()
-    ends = (0.6 * speed - 0.5, 1.6 * speed + 0.5) if reach is None else reach
-    low[0], high[0] = max(low[0], ends[0]), min(high[0], ends[1])
-    return Scene(whole.setup, whole.place, low, high)
+    def residuals(points: FloatArray) -> FloatArray:
+        return np.nan_to_num((at_places(points) - depth) / noise, nan=1e3)
+
+    def jacobian(scaled: FloatArray) -> FloatArray:
+        step = STEP * np.eye(len(NAMES))
+        both = np.vstack([scaled + step, scaled - step])
+        values = residuals(whole.low + np.clip(both, 0.0, 1.0) * span)
+        width = np.clip(scaled + STEP, 0.0, 1.0) - np.clip(scaled - STEP, 0.0, 1.0)
+        half = len(NAMES)
+        return np.asarray(((values[:half] - values[half:]) / width[:, None]).T)
+
+    ends = []
+    for x, y in ((0.0, 0.0), (1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)):
+        start = np.array([speed, 0.5 * x * whole.high[1], 0.5 * y * whole.high[2], 0.0, 0.0])
+        ends.append(
+            least_squares(
+                lambda scaled: residuals((whole.low + scaled * span)[None])[0],
+                np.clip((start - whole.low) / span, 0.01, 0.99), jac=jacobian, bounds=(0.0, 1.0),
+                max_nfev=EVALUATIONS, x_scale=0.1,
+            )
+        )  # fmt: skip
+    best = min(ends, key=lambda end: float(end.cost))
+    local = jacobian(best.x)
+    prior = 12.0 * np.eye(len(NAMES))  # a uniform one has the variance of its span over 12
+    covariance = np.linalg.inv(local.T @ local + prior) * np.outer(span, span)
+    return whole.low + best.x * span, np.linalg.cholesky(covariance)
 
 
 def _kept(points: FloatArray, crush: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -227,13 +251,11 @@ def _kept(points: FloatArray, crush: FloatArray) -> tuple[FloatArray, FloatArray
     return points[finite], crush[finite]
 
 
-def _best(points: FloatArray, crush: FloatArray, depth: FloatArray) -> FloatArray:
-    best: FloatArray = points[int(((crush - depth) ** 2).sum(axis=1).argmin())]
-    return best
-
-
-def _log_posterior(points: FloatArray, likelihood: Likelihood, scene: Scene) -> FloatArray:
+def _log_posterior(
+    points: FloatArray, likelihood: Likelihood, emulator: Emulator, scene: Scene
+) -> FloatArray:
     inside = ((points >= scene.low) & (points <= scene.high)).all(axis=1)
+    inside &= emulator.knows(points)
     logs = np.full(len(points), -np.inf)
     if inside.any():
         logs[inside] = likelihood.log(points[inside])
