@@ -18,7 +18,7 @@ from helmet_sim_ros.model.setup import ImpactSetup
 #: and to the left of that seen from outside) [m/s], and where on the helmet, as angles about the
 #: place that the map itself points at [rad].
 NAMES = ("normal", "along_x", "along_y", "place_u", "place_v")
-DURATION = 0.03  # s; liners are crushed within 10 to 15 ms
+DURATION = 0.02  # s; liners are crushed within 10 to 15 ms
 
 
 @dataclass(frozen=True)

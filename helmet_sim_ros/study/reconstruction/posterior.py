@@ -27,9 +27,10 @@ from helmet_sim_ros.study.reconstruction.crush_map import CrushMap, interpolatio
 from helmet_sim_ros.study.reconstruction.emulator import Emulator, Likelihood
 
 SPEEDS = 12  # straight blows at rising speed, for a first guess
-EVALUATIONS = 12  # of each descent, each with ten simulations for its slope
+STARTS = ((0.0, 0.0), (0.7, 0.7), (-0.7, 0.7), (0.0, -1.0))  # speeds along, of half the highest
+EVALUATIONS = 8  # of each descent, each with five simulations for its slope
 STEP = 0.01  # of the parameters' spans, for slopes
-FIRST, ROUNDS = 160, (160, 160)  # simulated crashes: about the most likely, about the posterior
+FIRST, ROUNDS = 128, (128, 128)  # simulated crashes: about the most likely, about the posterior
 WIDER = 1.6  # than the posterior, for what is simulated
 WALKERS, BURN, STEPS = 32, 600, 1200
 INTERVAL = 0.90
@@ -206,7 +207,7 @@ def most_likely(
 ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
     """The crash whose crush is nearest, (5,), and a root of its covariance, (5, 5).
 
-    Straight blows give a first speed; from there, and from blows along the shell to four sides,
+    Straight blows give a first speed; from there, and from blows that also slide,
     least squares go down; the best end is taken. The covariance is that of a linear model and the
     prior's together.
     """
@@ -220,15 +221,12 @@ def most_likely(
         return np.nan_to_num((at_places(points) - depth) / noise, nan=1e3)
 
     def jacobian(scaled: FloatArray) -> FloatArray:
-        step = STEP * np.eye(len(NAMES))
-        both = np.vstack([scaled + step, scaled - step])
-        values = residuals(whole.low + np.clip(both, 0.0, 1.0) * span)
-        width = np.clip(scaled + STEP, 0.0, 1.0) - np.clip(scaled - STEP, 0.0, 1.0)
-        half = len(NAMES)
-        return np.asarray(((values[:half] - values[half:]) / width[:, None]).T)
+        step = np.where(scaled < 0.5, STEP, -STEP)  # inwards
+        values = residuals(whole.low + np.vstack([scaled, scaled + np.diag(step)]) * span)
+        return np.asarray(((values[1:] - values[0]) / step[:, None]).T)
 
     ends = []
-    for x, y in ((0.0, 0.0), (1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)):
+    for x, y in STARTS:
         start = np.array([speed, 0.5 * x * whole.high[1], 0.5 * y * whole.high[2], 0.0, 0.0])
         ends.append(
             least_squares(
