@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 from helmet_meshes import (
+    FINE,
     INNER,
     OUTER,
     analytic_with_opening,
@@ -28,9 +29,6 @@ from helmet_sim_ros.study.helmets.importing import (
     write_helmet_folder,
 )
 from helmet_sim_ros.study.scenario.matrix import load_scenario
-
-CELLS = 4000  # as fine as the analytic helmet: what is compared is the shape
-AS_FULLFACE = ("mass", "inertia", "mass_center", "shell.semi_axes", "shell.center")
 
 
 @dataclass(frozen=True)
@@ -63,7 +61,7 @@ def like_fullface(helmet: Helmet) -> Helmet:
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Pair:
     folder = tmp_path_factory.mktemp("whole")
     shell = written(ellipsoid(OUTER), folder / "shell.stl")
-    helmet, _ = imported(folder / "mine", shell, thickness=0.044, columns=CELLS)
+    helmet, _ = imported(folder / "mine", shell, thickness=0.044, columns=FINE)
     return Pair(like_fullface(helmet), fine_fullface())
 
 
@@ -71,8 +69,10 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Pair:
 def with_opening(tmp_path_factory: pytest.TempPathFactory) -> Pair:
     folder = tmp_path_factory.mktemp("opened")
     shell = written(opened(ellipsoid(OUTER, 7)), folder / "shell.ply")
-    helmet, _ = imported(folder / "mine", shell, thickness=0.044, columns=CELLS)
-    return Pair(like_fullface(helmet), analytic_with_opening(folder))
+    analytic = analytic_with_opening(folder)
+    cells = analytic.liner.columns
+    helmet, _ = imported(folder / "mine", shell, thickness=0.044, columns=cells)
+    return Pair(like_fullface(helmet), analytic)
 
 
 def with_helmet(setup: ImpactSetup, helmet: Helmet) -> ImpactSetup:
