@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 from scipy.optimize import least_squares
+from scipy.stats import qmc
 
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.errors import SetupError, StudyError
@@ -30,9 +31,10 @@ SPEEDS = 12  # straight blows at rising speed, for a first guess
 STARTS = ((0.0, 0.0), (0.7, 0.7), (-0.7, 0.7), (0.0, -1.0))  # speeds along, of half the highest
 EVALUATIONS = 8  # of each descent, each with five simulations for its slope
 STEP = 0.01  # of the parameters' spans, for slopes
-FIRST, ROUNDS = 128, (128, 128)  # simulated crashes: about the most likely, about the posterior
+ROUND = 128  # simulated crashes about the most likely one, and again about the posterior
 WIDER = 1.6  # than the posterior, for what is simulated
-WALKERS, BURN, STEPS = 32, 600, 1200
+WALKERS = 64
+STEPS = (300, 600)  # of the sampler until it has settled, and that are kept; a third on the way
 INTERVAL = 0.90
 UNKNOWN = 0.8  # share of the prior's width from which on the crush does not tell a quantity
 UNITS = {
@@ -108,8 +110,7 @@ def reconstruct(
     if setup.helmet_config.coupling != "foam":
         raise SetupError.of("helmet.coupling", "spring", "must be foam: a spring keeps no crush")
     cells = columns(setup.helmet_config)
-    middle = _middle(crush, cells)
-    whole = scene(setup, middle, fastest, along)
+    whole = scene(setup, _middle(crush, cells), fastest, along)
     index, weight = interpolation(cells, crush.place)
     simulated = 0
 
@@ -119,29 +120,29 @@ def reconstruct(
         result: FloatArray = (residual_crush(whole, points)[:, index] * weight).sum(axis=2)
         return result
 
-    random = np.random.default_rng(seed)
-    best, spread = most_likely(whole, crush.depth, noise, at_places)
-    # Twice as wide as a normal posterior would be, so that its edge is among what was simulated.
-    chosen = best + WIDER * random.standard_normal((FIRST, len(NAMES))) @ spread.T
-    for size in (*ROUNDS, 0):
-        points = np.clip(chosen, whole.low, whole.high)
-        known, values = _kept(points, at_places(points))
+    middle, covariance = most_likely(whole, crush.depth, noise, at_places)
+    known, values = np.zeros((0, len(NAMES))), np.zeros((0, len(crush.depth)))
+    for last in (False, True):
+        # Wider than the posterior, so that its edge lies among what was simulated.
+        normal = qmc.MultivariateNormalQMC(middle, WIDER**2 * covariance, rng=seed + last)
+        points = np.clip(normal.random(ROUND), whole.low, whole.high)
+        points, crushed = _kept(points, at_places(points))
+        known, values = np.vstack([known, points]), np.vstack([values, crushed])
         emulator = Emulator(known, values)
+        likelihood = Likelihood(emulator, crush.depth, noise)
         sampler = emcee.EnsembleSampler(
             WALKERS, len(NAMES), _log_posterior, vectorize=True,
-            args=(Likelihood(emulator, crush.depth, noise), emulator, whole),
+            args=(likelihood, emulator, whole),
         )  # fmt: skip
         sampler.random_state = np.random.RandomState(seed).get_state()
-        first = Likelihood(emulator, crush.depth, noise).log(known)
-        walkers = known[np.argsort(-first)[:WALKERS]]
-        state = sampler.run_mcmc(walkers, BURN, skip_initial_state_check=True)
+        walkers = known[np.argsort(-likelihood.log(known))[:WALKERS]]
+        settle, keep = (steps if last else steps // 3 for steps in STEPS)
+        state = sampler.run_mcmc(walkers, settle, skip_initial_state_check=True)
         sampler.reset()
-        sampler.run_mcmc(state, STEPS)
+        sampler.run_mcmc(state, keep)
         sample = sampler.get_chain(flat=True)
-        start = sample[int(np.argmax(sampler.get_log_prob(flat=True)))]
-        if size:
-            some = sample[random.choice(len(sample), size, replace=False)]
-            chosen = sample.mean(axis=0) + WIDER * (some - sample.mean(axis=0))
+        middle, covariance = sample.mean(axis=0), np.cov(sample.T)
+    start = sample[int(np.argmax(sampler.get_log_prob(flat=True)))]
     tau = float(np.mean(sampler.get_autocorr_time(quiet=True, tol=0)))
     misfit = float(np.sqrt(np.mean((emulator(start[None])[0] - crush.depth) ** 2))) / noise
     return _told(
@@ -205,7 +206,7 @@ def most_likely(
     whole: Scene, depth: FloatArray, noise: float,
     at_places: Callable[[FloatArray], FloatArray],
 ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
-    """The crash whose crush is nearest, (5,), and a root of its covariance, (5, 5).
+    """The crash whose crush is nearest, (5,), and its covariance, (5, 5).
 
     Straight blows give a first speed; from there, and from blows that also slide,
     least squares go down; the best end is taken. The covariance is that of a linear model and the
@@ -239,7 +240,7 @@ def most_likely(
     local = jacobian(best.x)
     prior = 12.0 * np.eye(len(NAMES))  # a uniform one has the variance of its span over 12
     covariance = np.linalg.inv(local.T @ local + prior) * np.outer(span, span)
-    return whole.low + best.x * span, np.linalg.cholesky(covariance)
+    return whole.low + best.x * span, covariance
 
 
 def _kept(points: FloatArray, crush: FloatArray) -> tuple[FloatArray, FloatArray]:
