@@ -48,7 +48,8 @@ MEANING = {
     "origin [N m]",
     "helmet/coupling": "force of the helmet ON the head [N], moment [N m]",
     "neck/load": "force of the torso ON the head [N], moment about the head-neck joint [N m]",
-    "joint_states": "joints below the head [rad or m, rad/s or m/s]",
+    "joint_states": "joints below the head [rad or m, rad/s or m/s]; of a ball joint the rotation "
+    "vector, and the angular velocity in the axes of its upper link",
 }
 OTHER_TOPICS = (
     ("simulation", "`/clock`", "rosgraph_msgs/msg/Clock", "", qos.CLOCK,

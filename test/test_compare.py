@@ -15,6 +15,7 @@ from click.testing import CliRunner
 from logs import write_log
 
 from helmet_sim_ros import ImpactSetup, evaluate, open_log, simulate
+from helmet_sim_ros.biomech import Chatter, Rating, channel_rating, chatter
 from helmet_sim_ros.cli import main
 from helmet_sim_ros.report.figures.paper import paper_figures
 from helmet_sim_ros.report.review.compare import Change, paired
@@ -68,6 +69,25 @@ def test_another_helmet_differs_by_what_the_simulation_says(logs):
     both = logs / "a.mcap", logs / "stiff.mcap", "-c", "peak_g", "--tolerance"
     assert run("compare", *both, f"{percent * 1.001:.6f}").exit_code == 0
     assert run("compare", *both, f"{percent * 0.999:.6f}").exit_code == 1
+
+
+def test_histories_are_rated_and_looked_through_for_spikes(logs):
+    answer = run("compare", logs / "a.mcap", logs / "same.mcap", "--json")
+    for row in json.loads(answer.output):
+        assert row["ratings"]["head_acceleration"]["total"] == pytest.approx(1.0)
+        assert row["chatter"][0] == row["chatter"][1]
+    answer = run("compare", logs / "a.mcap", logs / "stiff.mcap", "--json")
+    for row, setup in zip(json.loads(answer.output), SETUPS, strict=True):
+        records = simulate(setup), simulate(stiffer(setup))
+        for channel, found in row["ratings"].items():
+            assert Rating(**found) == channel_rating(*records, channel)
+            assert found["total"] < 0.999
+        for found, record in zip(row["chatter"], records, strict=True):
+            acceleration = record.head_acceleration / 9.80665
+            assert Chatter(**found) == chatter(acceleration, record.time_step)
+    text = run("compare", logs / "a.mcap", logs / "stiff.mcap").output
+    assert "ISO/TS 18571" in text and "Chatter" in text
+    assert any(grade in text for grade in ("excellent", "good", "fair", "poor"))
 
 
 def test_an_impact_without_counterpart_is_a_difference(logs):

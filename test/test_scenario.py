@@ -59,15 +59,16 @@ def test_published_values_belong_to_the_side_impacts_only():
 
 def test_groups_dotted_names_and_the_helmet_shorthand_mean_the_same(scenario):
     nested = scenario(
-        "common: {helmet: fullface, impact: {friction: 0.3}, rider: {neck: {torsion_per_level: 20}}}\n"
+        "common: {helmet: fullface, impact: {friction: 0.3},\n"
+        " rider: {neck: {tension_plateau: 900}}}\n"
         "cases: [{impact: {direction: side}}]"
     )
     dotted = scenario(
-        "common: {helmet.name: fullface, impact.friction: 0.3, rider.neck.torsion_per_level: 20}\n"
+        "common: {helmet.name: fullface, impact.friction: 0.3, rider.neck.tension_plateau: 900}\n"
         "cases: [{impact.direction: left}]"
     )
     assert nested.setups == dotted.setups
-    assert nested.setups[0].rider.neck.torsion_per_level == 20.0
+    assert nested.setups[0].rider.neck.tension_plateau == 900.0
 
 
 def test_each_case_is_combined_with_the_whole_product(scenario):

@@ -13,6 +13,11 @@ from helmet_sim_ros.biomech.helmet import peak_force_ratio as peak_force_ratio
 from helmet_sim_ros.biomech.helmet import restitution as restitution
 from helmet_sim_ros.biomech.hic import Hic as Hic
 from helmet_sim_ros.biomech.hic import hic as hic
+from helmet_sim_ros.biomech.histories import Chatter as Chatter
+from helmet_sim_ros.biomech.histories import Rating as Rating
+from helmet_sim_ros.biomech.histories import channel_rating as channel_rating
+from helmet_sim_ros.biomech.histories import chatter as chatter
+from helmet_sim_ros.biomech.histories import rating as rating
 from helmet_sim_ros.biomech.linear import Span as Span
 from helmet_sim_ros.biomech.linear import clip as clip
 from helmet_sim_ros.biomech.linear import dwell as dwell

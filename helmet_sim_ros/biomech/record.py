@@ -66,9 +66,12 @@ class ImpactRecord:
             axes, (n, 3) [N].
         neck_force: force of the torso (neck) ON the head, head axes, (n, 3) [N]; 0 for a headform.
         neck_torque: its moment about the head-neck joint, head axes, (n, 3) [N m].
-        joint_names: the m joints of the body below the head.
-        joint_positions: (n, m) [rad, or m for a sliding joint].
-        joint_velocities: (n, m) [rad/s or m/s].
+        joint_names: the m joint coordinates of the body below the head; a ball joint has three,
+            ``NAME.x``, ``NAME.y`` and ``NAME.z``.
+        joint_positions: (n, m) [rad, or m for a sliding joint]; of a ball joint the rotation
+            vector of its child against its parent.
+        joint_velocities: (n, m) [rad/s or m/s]; of a ball joint the angular velocity in the
+            child's axes, which is not the derivative of the rotation vector.
         setup: the complete impact setup as plain data (JSON types).
         extras: further named results of plain data or arrays (notes, residual crush map...).
     """

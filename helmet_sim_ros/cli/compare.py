@@ -13,10 +13,18 @@ from rich.table import Table
 from rich.text import Text
 
 from helmet_sim_ros.biomech.catalogue import entry
+from helmet_sim_ros.biomech.histories import SPIKE_WIDTH
 from helmet_sim_ros.cli._logs import DIFFERENT, FINE
 from helmet_sim_ros.errors import LogError
 from helmet_sim_ros.mcap_log import open_log
-from helmet_sim_ros.report.review.compare import Change, Pair, changes, paired
+from helmet_sim_ros.report.review.compare import (
+    Change,
+    Likeness,
+    Pair,
+    changes,
+    likeness,
+    paired,
+)
 
 #: Compared unless the user chooses.
 DEFAULT = (
@@ -47,8 +55,8 @@ def command(
 ) -> None:
     """Compare log B with log A: two helmets, or two versions of this program.
 
-    Impacts of the same direction, speeds and pose are paired, and their criteria computed from the
-    logged samples.
+    Impacts of the same direction, speeds and pose are paired, their criteria computed from the
+    logged samples, and their histories rated (ISO/TS 18571; 1 is alike).
 
     Exit code 0: all within the tolerance; 1: not all, or an impact has no counterpart; 2: a log
     cannot be read.
@@ -66,11 +74,13 @@ def command(
         (pair, list(changes(pair, wanted, tolerance / 100.0)) if pair.a and pair.b else [])
         for pair in pairs
     ]
+    alike = [likeness(pair) if pair.a and pair.b else None for pair, _ in rows]
     same = all(pair.a and pair.b and not any(c.differs for c in found) for pair, found in rows)
     if as_json:
-        click.echo(json.dumps([_plain(pair, found) for pair, found in rows]))
+        click.echo(json.dumps([_plain(*row, of) for row, of in zip(rows, alike, strict=True)]))
     else:
         _show(rows, a, b, tolerance, same)
+        _show_alike([(pair, of) for (pair, _), of in zip(rows, alike, strict=True) if of])
     if output is not None:
         if not any(pair.a and pair.b for pair in pairs):
             raise click.UsageError("--output: no impact is in both logs, there is nothing to draw")
@@ -111,11 +121,40 @@ def _show(
     console.print(f"{text} (tolerance {tolerance:g} %)", style="" if same else "bold red")
 
 
+def _show_alike(rows: list[tuple[Pair, Likeness]]) -> None:
+    """How alike the histories are; no part of the verdict."""
+    if not rows:
+        return
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+    table.add_column("impact")
+    table.add_column("history")
+    for header in ("rating", "corridor", "phase", "magnitude", "slope"):
+        table.add_column(header, justify="right", no_wrap=True)
+    table.add_column("grade", no_wrap=True)
+    for pair, of in rows:
+        if of.problem:
+            table.add_row(pair.label, "cannot be rated")
+        for i, (channel, rating) in enumerate(of.ratings.items()):
+            name = channel.replace("_", " ")
+            numbers = (f"{value:.3f}" for value in rating)
+            table.add_row("" if i else pair.label, name, *numbers, rating.grade)
+    console = Console(highlight=False)
+    console.print("Histories of B rated against A (ISO/TS 18571; 1 is alike)")
+    console.print(table)
+    console.print(
+        f"Chatter: highest spike of the head acceleration within {1e3 * SPIKE_WIDTH:g} ms"
+    )
+    for pair, of in rows:
+        spikes = zip("AB", of.chatter, strict=False)
+        text = ", ".join(f"{x} {c.height:.1f} g at {c.time * 1e3:.1f} ms" for x, c in spikes)
+        console.print(f"  {pair.label}: {text or of.problem}", markup=False, soft_wrap=True)
+
+
 def _number(value: float | None) -> str:
     return "" if value is None else f"{value:.5g}"
 
 
-def _plain(pair: Pair, found: list[Change]) -> dict[str, object]:
+def _plain(pair: Pair, found: list[Change], of: Likeness | None) -> dict[str, object]:
     return {
         "impact": pair.label,
         "a": None if pair.a is None else pair.a.impact_id,
@@ -124,4 +163,6 @@ def _plain(pair: Pair, found: list[Change]) -> dict[str, object]:
             {"name": c.name, "unit": c.unit, "a": c.a, "b": c.b, "differs": c.differs}
             for c in found
         ],
+        "ratings": {} if of is None else {name: r._asdict() for name, r in of.ratings.items()},
+        "chatter": [] if of is None else [c._asdict() for c in of.chatter],
     }

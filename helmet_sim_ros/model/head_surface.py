@@ -29,10 +29,15 @@ class HeadSurface(Config):
 class Head(Config):
     """The head in its helmet."""
 
+    form: str | None = Field(
+        None,
+        description="what takes the place of the head with rig headform: name in config/headforms, "
+        "or path to a YAML file; unset: the rider's own head",
+    )
     surface: str | None = Field(
         None,
         description="surface of the head in the liner: name in config/head_surfaces, or path to a "
-        "YAML file; unset: scalp for a rider, en960 for a headform",
+        "YAML file; unset: that of the headform; scalp for a rider, else en960",
     )
     friction: float | None = quantity(
         "friction of head in liner; unset: that of the surface", "-", None, ge=0.0, le=2.0

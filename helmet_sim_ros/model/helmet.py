@@ -36,6 +36,11 @@ class Shell(Config):
         "damping c of the normal force k d (1 + c d')", "s/m", 0.15, ge=0.0, le=5.0
     )
 
+    contact_returned: float = quantity(
+        "share of the energy of the shell's bending that unloading gives back",
+        "-", 0.2, ge=0.02, le=1.0,
+    )  # fmt: skip
+
     @model_validator(mode="after")
     def _plausible(self) -> Shell:
         for value in self.semi_axes:
@@ -66,6 +71,11 @@ class Spring(Config):
     )
     energy_loss: float = quantity(
         "share of the loading energy that unloading does not give back", "-", ge=0.0, le=0.98
+    )
+    identified: bool = Field(
+        False,
+        description="whether the laws were identified from drop tests of this helmet's liner: a "
+        "change of the liner then identifies them afresh",
     )
 
 
@@ -106,7 +116,7 @@ class Liner(Config):
     )
     effective_mass: float = quantity(
         "part of the liner's mass that stops with its struck part; the rest moves with the head",
-        "kg", 0.05, gt=0.0, le=1.0,
+        "kg", 0.1, gt=0.0, le=1.0,
     )  # fmt: skip
     inner: Layer = Field(default_factory=Layer)
     columns: int = quantity("foam columns over the whole shell", "-", 1000, ge=50, le=20000)
@@ -164,16 +174,18 @@ class Padding(Config):
     """Comfort padding between head and liner; see model/force/fit.py for the law. General
     literature values of soft polyurethane foam; not measured for this model."""
 
-    thickness: float = quantity("thickness at rest", "m", 0.005, ge=1e-3, le=0.03)
-    modulus: float = quantity("initial modulus in compression", "Pa", 20e3, ge=1e3, le=1e7)
+    thickness: float = quantity("thickness at rest", "m", 0.004, ge=1e-3, le=0.03)
+    modulus: float = quantity("initial modulus in compression", "Pa", 40e3, ge=1e3, le=1e7)
     densification: float = quantity(
         "strain at which the pores are closed", "-", 0.9, ge=0.3, le=0.98
     )
     energy_returned: float = quantity(
         "share of the energy of compression that is given back", "-", 0.2, ge=0.05, le=0.5
     )
-    damping: float = quantity("damping c of the pressure p (1 + c v)", "s/m", 0.2, ge=0.0, le=5.0)
-    shear_modulus: float = quantity("modulus in shear", "Pa", 100e3, ge=1e3, le=1e8)
+    damping: float = quantity(
+        "damping c of the pressure p + c v min(p, modulus)", "s/m", 1.0, ge=0.0, le=5.0
+    )
+    shear_modulus: float = quantity("initial modulus in shear", "Pa", 15e3, ge=1e2, le=1e8)
     relaxation: float = quantity("damping over stiffness in shear", "s", 1e-3, ge=0.0, le=1e-2)
     preload: float = quantity(
         "compression on the head at rest; below 0: a gap", "m", 0.0, ge=-0.01, le=0.005

@@ -31,6 +31,7 @@ from helmet_sim_ros.model.force.fit import fit
 from helmet_sim_ros.model.force.foam import residual_strains
 from helmet_sim_ros.model.force.liner import crushing_liner
 from helmet_sim_ros.model.force.spring import coupling_spring
+from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.loop import Clock, Engine, Forces, Rows, advance
 from helmet_sim_ros.model.rider.neck import overload
 from helmet_sim_ros.model.setup import ImpactSetup
@@ -61,6 +62,7 @@ class Impact:
 
     Attributes:
         setup: the impact setup.
+        helmet: what is worn.
         total: number of samples of the whole impact.
         labels: column names of :meth:`block`.
         surface: what is struck.
@@ -69,17 +71,20 @@ class Impact:
         notes: what a user should know about this setup, in words.
     """
 
-    def __init__(self, setup: ImpactSetup, crush: FloatArray | None = None) -> None:
+    def __init__(
+        self, setup: ImpactSetup, crush: FloatArray | None = None, helmet: Helmet | None = None
+    ) -> None:
+        """Args: see :func:`simulate`; ``helmet`` takes the place of the setup's."""
         self.setup = setup
+        self.helmet = helmet = helmet or setup.helmet_config
         self.total = setup.samples
-        world = build(setup)
+        world = build(setup, helmet)
         parts, data = world.parts, world.data
         self.notes, self.surface, self.contact = world.notes, world.surface, world.contact
         self.neck = parts.neck
         self._model, self._data, self._spec = parts.model, data, parts.spec
         self._layout = layout = parts.layout
         self.labels = block_labels(layout.joints)
-        helmet = setup.helmet_config
         columns, shapes = parts.columns, len(world.surface.kind)
         count = len(columns.area)
         largest = np.zeros(count) if crush is None else np.array(crush, dtype=float)

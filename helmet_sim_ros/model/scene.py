@@ -49,7 +49,7 @@ class Scene:
 
     def __init__(self, setup: ImpactSetup) -> None:
         self.setup = setup
-        world = build(setup)
+        world = build(setup, setup.helmet_config)
         self.model, self.data = world.parts.model, world.data
         self._layout = world.parts.layout
         model = self.model

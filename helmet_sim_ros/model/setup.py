@@ -10,7 +10,9 @@ from pydantic import Field, model_validator
 
 from helmet_sim_ros.errors import Problem, SetupError
 from helmet_sim_ros.model.head_surface import Head, HeadSurface, load_head_surface
+from helmet_sim_ros.model.headform import Headform, load_headform
 from helmet_sim_ros.model.helmet import Helmet, load_helmet
+from helmet_sim_ros.model.forms import worn
 from helmet_sim_ros.model.rider.properties import RETIRED, Rider, refuse_retired
 from helmet_sim_ros.model.surface.config import SurfaceConfig, load_surface
 from helmet_sim_ros.schema import Config, leaf_values, leaves, quantity
@@ -107,8 +109,27 @@ class ImpactSetup(Config):
             )
         if self.duration < 10 * self.time_step:
             raise SetupError.of("duration", self.duration, "must be at least 10 time steps")
-        _ = self.helmet_config, self.surface_config, self.head_surface  # refuse a bad file now, not when it runs
+        if self.headform is not None:
+            self._refuse_two_heads()
+        # Refuse a bad file now, not when it runs.
+        _ = self.helmet_config, self.surface_config, self.head_surface
         return self
+
+    def _refuse_two_heads(self) -> None:
+        if self.rig == "rider":
+            raise SetupError.of(
+                "head.form", self.head.form, "must be unset: a rider has a head of his own"
+            )
+        if self.rider.head_mass is not None:
+            raise SetupError.of(
+                "rider.head_mass", self.rider.head_mass,
+                f"has no effect: the mass is that of head.form = {self.head.form!r}",
+            )  # fmt: skip
+
+    @cached_property
+    def headform(self) -> Headform | None:
+        """What takes the place of the head; None: nothing does."""
+        return None if self.head.form is None else load_headform(self.head.form)
 
     @cached_property
     def helmet_config(self) -> Helmet:
@@ -116,7 +137,7 @@ class ImpactSetup(Config):
         prefix = "helmet."
         changes = {k[len(prefix) :]: v for k, v in self.overrides.items() if k.startswith(prefix)}
         try:
-            return load_helmet(self.helmet).replaced(changes)  # type: ignore[no-any-return]
+            return worn(load_helmet(self.helmet), changes)
         except SetupError as error:
             if error.source:  # the helmet file itself is bad
                 raise
@@ -132,11 +153,19 @@ class ImpactSetup(Config):
     @cached_property
     def head_surface(self) -> HeadSurface:
         """The surface of the head in the liner."""
-        name = self.head.surface or ("scalp" if self.rig == "rider" else "en960")
-        surface = load_head_surface(name)
+        surface = load_head_surface(self.head_surface_name)
         if self.head.friction is None:
             return surface
         return surface.replaced({"friction": self.head.friction})  # type: ignore[no-any-return]
+
+    @property
+    def head_surface_name(self) -> str:
+        """The head surface that is used."""
+        if self.head.surface is not None:
+            return self.head.surface
+        if self.headform is not None:
+            return self.headform.surface
+        return "scalp" if self.rig == "rider" else "en960"
 
     @property
     def resolved_friction(self) -> float:
@@ -163,7 +192,8 @@ class ImpactSetup(Config):
         values["impact.neck_flexion_deg"] = self.resolved_neck_flexion_deg
         values["impact.friction"] = self.resolved_friction
         values |= {f"rider.{k}": v for k, v in leaf_values(self.rider).items()}
-        values["head.surface"] = self.head.surface or ("scalp" if self.rig == "rider" else "en960")
+        values["head.form"] = self.head.form
+        values["head.surface"] = self.head_surface_name
         values["head.friction"] = self.head_surface.friction
         values["helmet.name"] = self.helmet
         values |= {f"helmet.{k}": v for k, v in leaf_values(self.helmet_config).items()}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import mujoco
@@ -15,13 +15,15 @@ from helmet_sim_ros.model.force.bodies import Chains, chains
 from helmet_sim_ros.model.force.columns import Columns, as_now, columns, no_columns
 from helmet_sim_ros.model.force.contact import Contact
 from helmet_sim_ros.model.force.neck import CervicalSpine
+from helmet_sim_ros.model.force.fit import ELASTIC
 from helmet_sim_ros.model.force.spring import deepest, law_table, unloading_exponent
 from helmet_sim_ros.model.force.stops import Stops, joint_stops
 from helmet_sim_ros.model.geometry import read_geometry
+from helmet_sim_ros.model.headform import Headform
 from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.layout import Layout
 from helmet_sim_ros.model.placement import place
-from helmet_sim_ros.model.rider.anthropometry import anthropometry
+from helmet_sim_ros.model.rider.anthropometry import Segment, anthropometry
 from helmet_sim_ros.model.rider.body import BODY_CONTACT, add_body
 from helmet_sim_ros.model.rider.neck import cervical_spine, set_rest
 from helmet_sim_ros.model.rider.properties import Rider
@@ -90,24 +92,24 @@ class World:
     notes: tuple[str, ...]
 
 
-def build(setup: ImpactSetup) -> World:
+def build(setup: ImpactSetup, helmet: Helmet) -> World:
     """Compile the model of a setup and place it at the first touch of the surface."""
-    steps = substeps(setup)
+    steps = substeps(setup, helmet)
     parts = _parts(
-        setup.rig, setup.rider, setup.helmet_config, setup.resolved_neck_flexion_deg,
-        setup.gravity, setup.time_step / steps, setup.surface_config,
+        setup.rig, setup.rider, helmet, setup.resolved_neck_flexion_deg,
+        setup.gravity, setup.time_step / steps, setup.surface_config, setup.headform,
     )  # fmt: skip
     surface = setup.surface_config.compiled(setup.friction)
     contact = parts.contact.fresh(len(surface.kind))
     data = mujoco.MjData(parts.model)
-    notes = place(parts.model, data, contact, surface, setup)
+    notes = place(parts.model, data, contact, surface, setup, helmet)
     return World(parts, data, surface, contact, steps, notes)
 
 
 @lru_cache(maxsize=8)
 def _parts(
     rig: str, rider: Rider, helmet: Helmet, neck_flexion_deg: float, gravity: float, step: float,
-    surface: SurfaceConfig,
+    surface: SurfaceConfig, form: Headform | None,
 ) -> Parts:  # fmt: skip
     spec = _empty_world(gravity, step)
     add_geoms(spec, surface, GROUND_COLOR)
@@ -117,7 +119,7 @@ def _parts(
     else:
         head = spec.worldbody.add_body(name="head")
         head.add_freejoint(name="root")
-    segment = body.segments["head"]
+    segment = _head(rider, form)
     _rigid(head, segment.mass, [0.0, 0.0, 0.0], list(segment.inertia))
     _add_helmet(spec, head, helmet)
     _add_sensors(spec, rig)
@@ -132,32 +134,46 @@ def _parts(
     )  # fmt: skip
 
 
+def _head(rider: Rider, form: Headform | None) -> Segment:
+    """The rider's head, or what takes its place: at the same depth below the crown."""
+    own = anthropometry(rider).segments["head"]
+    if form is None:
+        return own
+    return replace(own, mass=form.mass.value, inertia=form.inertia.value)
+
+
 def _damped_diagonal(model: mujoco.MjModel) -> tuple[NDArray[np.int64], FloatArray]:
     diagonal = model.M_rowadr + model.M_rownnz - 1
     return diagonal.astype(np.int64), model.opt.timestep * model.dof_damping
 
 
-def substeps(setup: ImpactSetup) -> int:
+def substeps(setup: ImpactSetup, helmet: Helmet) -> int:
     """Integration steps per sample, so that the explicit forces stay stable.
 
-    The stiffest mode is the light struck shell of mass m between its contact (stiffness k, damping
-    c F at force F) and the unloading path of the spring (slope C F): an explicit step must stay
-    below 2/w (sqrt(1 + z^2) - z), w^2 = (k + C F) / m, z = c F / (2 m w). F is bounded by the
-    energy of head and helmet at the impact speed, with a margin for what the body adds.
+    The stiffest modes are those of the two light masses m on either side of the spring, whose
+    unloading path has the slope C F: the struck shell on its contact (unloading stiffness k,
+    damping c F at force F), and the liner's inside on the padding (unloading stiffness F / w).
+    An explicit step must stay below 2/w (sqrt(1 + z^2) - z), w^2 = (k + C F) / m,
+    z = c F / (2 m w). F is bounded by the energy of head and helmet at the impact speed, with a
+    margin for what the body adds.
     """
     step = MAX_STEP
-    helmet = setup.helmet_config
     if helmet.coupling == "spring":
         shell, loss = helmet.shell, helmet.spring.energy_loss
-        head = anthropometry(setup.rider).segments["head"].mass
+        head = _head(setup.rider, setup.headform).mass
         energy = 0.5 * BODY_MARGIN * (head + helmet.mass) * setup.normal_velocity**2
         for scale, exponent in law_table(helmet.spring):
             depth, force = deepest(scale, exponent, energy)
-            stiffness = shell.contact_stiffness + unloading_exponent(exponent, depth, loss) * force
-            frequency = math.sqrt(stiffness / shell.effective_mass)
-            damping = 0.5 * shell.contact_damping * force / (shell.effective_mass * frequency)
-            limit = 2.0 / frequency * (math.hypot(1.0, damping) - damping)
-            step = min(step, STABLE_SHARE * limit)
+            spring = unloading_exponent(exponent, depth, loss) * force
+            contact = shell.contact_stiffness / shell.contact_returned
+            for mass, other, rubbed in (
+                (shell.effective_mass, contact, shell.contact_damping * force),
+                (helmet.liner.effective_mass, force / ELASTIC, 0.0),
+            ):
+                frequency = math.sqrt((spring + other) / mass)
+                damping = 0.5 * rubbed / (mass * frequency)
+                limit = 2.0 / frequency * (math.hypot(1.0, damping) - damping)
+                step = min(step, STABLE_SHARE * limit)
     return math.ceil(setup.time_step / max(step, MIN_STEP) - 1e-9)
 
 
@@ -282,10 +298,11 @@ def _ellipsoids(model: mujoco.MjModel, helmet: Helmet) -> Contact:
         body = np.concatenate([[shell], body])
         center = np.vstack([own.center, center])
         semi_axes = np.vstack([own.semi_axes, semi_axes])
-        law = np.vstack([(own.contact_stiffness, own.contact_damping, OF_THE_SURFACE), law])
-    stiffness, damping, friction = (np.ascontiguousarray(column) for column in law.T)
+        mine = (own.contact_stiffness, own.contact_damping, own.contact_returned, OF_THE_SURFACE)
+        law = np.vstack([mine, law])
+    stiffness, damping, returned, friction = (np.ascontiguousarray(column) for column in law.T)
     state = np.zeros((len(body), 0, 3))
     return Contact(
         shell, body, center, semi_axes, semi_axes.max(axis=1, initial=0.0), stiffness, damping,
-        friction, state, state,
+        returned, friction, state, state[:, :, 0], state,
     )  # fmt: skip

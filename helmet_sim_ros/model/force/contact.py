@@ -57,9 +57,12 @@ class Contact(NamedTuple):
         reach: the longest of them, (n,) [m].
         stiffness: k [N/m], (n,).
         damping: c [s/m], (n,).
+        returned: share of the elastic energy that unloading gives back, (n,) [-]: below the deepest
+            point so far the stiffness is k / returned (Walton & Braun, J. Rheol. 30, 1986).
         friction: mu [-], (n,); negative: that of the surface.
         stick: elastic deflection on each shape of the surface, world axes, (n, shapes, 3) [m];
             state.
+        peak: deepest in each shape since they touched, (n, shapes) [m]; state.
         direction: to the deepest point on each shape, in body axes, scaled by the semi-axes,
             (n, shapes, 3); state, from which the next search starts.
     """
@@ -71,14 +74,18 @@ class Contact(NamedTuple):
     reach: FloatArray
     stiffness: FloatArray
     damping: FloatArray
+    returned: FloatArray
     friction: FloatArray
     stick: FloatArray
+    peak: FloatArray
     direction: FloatArray
 
     def fresh(self, shapes: int) -> Contact:
         """The same with no deflection yet, for a surface of that many shapes."""
         size = (len(self.body), shapes, 3)
-        return self._replace(stick=np.zeros(size), direction=np.zeros(size))
+        return self._replace(
+            stick=np.zeros(size), peak=np.zeros(size[:2]), direction=np.zeros(size)
+        )
 
 
 @inlined
@@ -125,15 +132,28 @@ def deepest(contact: Contact, surface: Surface, motion: Motion) -> tuple[int, in
     return which, where, most
 
 
+@inlined
+def effective_depth(contact: Contact, i: int, k: int, depth: float) -> float:
+    """The depth at which a purely elastic contact has the force of the present one [m]."""
+    peak = contact.peak[i, k]
+    if depth >= peak:
+        return depth
+    return max(0.0, peak - (peak - depth) / contact.returned[i])
+
+
 @compiled
 def elastic_energy(contact: Contact, surface: Surface, motion: Motion) -> float:
-    """Energy of the normal forces' stiffness [J]."""
+    """Energy that the normal forces would still give back [J]; ``contact.peak`` is carried on."""
     energy = 0.0
     for k in range(len(surface.kind)):
         for i in range(len(contact.body)):
             if distance_of(contact, surface, k, motion, i) < contact.reach[i]:
-                depth = touch(contact, surface, k, motion, i)[0]
-                energy += 0.5 * contact.stiffness[i] * max(0.0, depth) ** 2
+                depth = max(0.0, touch(contact, surface, k, motion, i)[0])
+                contact.peak[i, k] = max(contact.peak[i, k], depth) if depth > 0.0 else 0.0
+                depth = effective_depth(contact, i, k, depth)
+                energy += 0.5 * contact.returned[i] * contact.stiffness[i] * depth * depth
+            else:
+                contact.peak[i, k] = 0.0
     return energy
 
 
@@ -147,13 +167,13 @@ def apply(contact: Contact, surface: Surface, step: float, motion: Motion, loads
         step: time step [s].
         motion, loads: of the bodies.
     """
-    reach, stick = contact.reach, contact.stick
+    reach, stick, peak = contact.reach, contact.stick, contact.peak
     for k in range(len(surface.kind)):
         for i in range(len(reach)):
             if distance_of(contact, surface, k, motion, i) < reach[i]:
                 press(contact, surface, k, motion, loads, i, step)
             else:  # out of reach in any orientation
-                stick[i, k, 0] = stick[i, k, 1] = stick[i, k, 2] = 0.0
+                stick[i, k, 0] = stick[i, k, 1] = stick[i, k, 2] = peak[i, k] = 0.0
 
 
 @inlined
@@ -165,7 +185,10 @@ def press(
     depth, point, normal = touch(contact, surface, k, motion, i)
     if depth <= 0.0:
         stick[:] = 0.0
+        contact.peak[i, k] = 0.0
         return
+    contact.peak[i, k] = max(contact.peak[i, k], depth)
+    depth = effective_depth(contact, i, k, depth)
     body, stiffness = contact.body[i], contact.stiffness[i]
     velocity = velocity_at(rigid(motion, body), point)
     pressed = normal_force(stiffness, contact.damping[i], depth, -dot(velocity, normal))

@@ -39,6 +39,10 @@ from helmet_sim_ros.model.helmet import Helmet
 
 #: Share of the densification strain beyond which a padding's law goes on as a straight line.
 LINEAR_FROM = 0.9
+#: m, least way on which a compressed padding unloads: skin and skull give way too (a choice).
+ELASTIC = 0.3e-3
+#: Pa/m, no padding with skin and skull unloads more steeply (a choice: what the step resolves).
+STIFFEST = 4e9
 #: s, in which a padding recovers from its compression: longer than an impact, shorter than the time
 #: to the next one (a choice; slow-recovery foams take a second).
 RECOVERY = 0.05
@@ -52,9 +56,11 @@ class Padding(NamedTuple):
         modulus: of the padding, first compression [Pa].
         densification: strain at which its pores are closed [-].
         returned: share of the energy of compression that it gives back [-].
-        damping: c of the pressure p (1 + c v) for a rate of compression v [s/m].
+        damping: c of the pressure p + c v min(p, E) for a rate of compression v [s/m].
         preload: compression on the head at rest [m].
-        shear: shear stiffness per area of padding and head surface in series [Pa/m].
+        shear: modulus of the padding in shear over that in compression [-]: what compresses it
+            stiffens it in shear alike.
+        skin: compliance in shear of the head's surface [m/Pa].
         relaxation: damping over stiffness in shear [s].
         friction: of the head's surface in the liner [-].
     """
@@ -66,6 +72,7 @@ class Padding(NamedTuple):
     damping: float
     preload: float
     shear: float
+    skin: float
     relaxation: float
     friction: float
 
@@ -116,12 +123,12 @@ class Fit(NamedTuple):
 def padding_of(helmet: Helmet, surface: HeadSurface) -> Padding:
     """The layer between a helmet's liner and a head with some surface."""
     pad = helmet.padding
-    compliance = pad.thickness / pad.shear_modulus
-    if surface.shear_modulus is not None:
-        compliance += surface.thickness / surface.shear_modulus
+    bare = surface.shear_modulus is None
     return Padding(
-        pad.thickness, pad.modulus, pad.densification, pad.energy_returned, pad.damping, pad.preload,
-        1.0 / compliance, pad.relaxation, surface.friction,
+        pad.thickness, pad.modulus, pad.densification, pad.energy_returned, pad.damping,
+        pad.preload, pad.shear_modulus / pad.modulus,
+        0.0 if bare else surface.thickness / surface.shear_modulus,
+        pad.relaxation, surface.friction,
     )  # fmt: skip
 
 
@@ -214,6 +221,37 @@ def strap_force(strap: Strap, anchor: Vec, velocity: Vec) -> Vec:
     return scaled(direction, max(0.0, tension))
 
 
+def approach(fit: Fit, direction: FloatArray, force: float) -> float:
+    """How far a force presses the head into its padding, slowly [m].
+
+    Args:
+        direction: in which the head moves against the helmet, unit vector, (3,).
+        force: [N].
+    """
+    low, high = 0.0, 2.0 * fit.padding.thickness
+    for _ in range(50):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if _resistance(fit, direction, middle) > force else (middle, high)
+    return high
+
+
+def _resistance(fit: Fit, direction: FloatArray, distance: float) -> float:
+    """Force of the padding against the head [N] after a distance [m] from the middle."""
+    axes = np.array(fit.axes)
+    moved = fit.point - np.array(fit.center) - distance * direction
+    unit = moved / axes
+    level, gradient = np.linalg.norm(unit, axis=1), unit / axes
+    slope = np.linalg.norm(gradient, axis=1)
+    compression = fit.padding.preload - (level - 1.0) * level / slope
+    pressed = np.array([_pressure(fit.padding, float(c)) for c in compression])
+    return float((pressed * fit.area * (gradient @ direction) / slope).sum())
+
+
+@compiled
+def _pressure(padding: Padding, compression: float) -> float:
+    return pressure(padding, compression)
+
+
 @compiled
 def apply(fit: Fit, step: float, motion: Motion, loads: Loads) -> None:
     """Add padding, friction and strap to the joint axes between head and helmet.
@@ -254,11 +292,15 @@ def apply(fit: Fit, step: float, motion: Motion, loads: Loads) -> None:
         full = pressure(padding, largest)
         if compression < largest:
             width = 2.0 * padding.returned * energy(padding, largest) / full
+            width = max(width, ELASTIC, full / STIFFEST)
             full *= max(0.0, 1.0 - (largest - compression) / width)
         deepest[i] = largest + (compression - largest) * min(1.0, step / RECOVERY)
-        pressed = areas[i] * full * max(0.0, 1.0 + padding.damping * rate)
+        viscous = padding.damping * rate * min(full, padding.modulus)
+        pressed = areas[i] * max(0.0, full + viscous)
+        secant = pressure(padding, largest) / largest
+        shear = 1.0 / (1.0 / (padding.shear * secant) + padding.skin)
         rubbed = friction_force(
-            padding.shear * areas[i], padding.relaxation, padding.friction * pressed,
+            shear * areas[i], padding.relaxation, padding.friction * pressed,
             across(velocity, normal), normal, step, sticks[i],
         )  # fmt: skip
         here = add(scaled(normal, pressed), rubbed)

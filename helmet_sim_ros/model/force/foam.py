@@ -28,8 +28,8 @@ SOLID_DENSITY = 1050.0  # kg/m^3, polystyrene (Gibson & Ashby, table 3.1)
 GAS_PRESSURE = 101_325.0  # Pa, cell gas at the start
 #: Dynamic yield stress [Pa] at 40 kg/m^3 and exponent of density: through 0.30-0.45 MPa at 40,
 #: 0.60-0.70 at 62 and 0.90 at 80 kg/m^3 (general literature values).
-YIELD_AT_40 = 0.45e6
-YIELD_EXPONENT = 1.0
+YIELD_AT_40 = 0.42e6
+YIELD_EXPONENT = 1.15
 #: Young's modulus [Pa] at 40 kg/m^3: 3 % strain at yield (general literature value).
 MODULUS_AT_40 = 12.0e6
 #: Share of the densification strain 1 - r beyond which the law goes on as a straight line.

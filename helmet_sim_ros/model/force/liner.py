@@ -290,6 +290,35 @@ def compressed(
 
 
 @compiled
+def press(
+    columns: Columns, axis: FloatArray, depth: float, largest: FloatArray, rest: FloatArray
+) -> float:
+    """Force [N] of a plane pressed flat into the liner.
+
+    Args:
+        columns: of the helmet.
+        axis: outward normal of the helmet where it is pressed, helmet frame, (3,).
+        depth: of the plane behind the outermost column [m].
+        largest, rest: strains of the columns, see :class:`CrushingLiner`; changed in place.
+    """
+    normal = (axis[0], axis[1], axis[2])
+    outermost, force = -np.inf, 0.0
+    for i in range(len(columns.area)):
+        outermost = max(outermost, dot(normal, row(columns.point, i)))
+    for i in range(len(columns.area)):
+        below = dot(normal, row(columns.point, i)) - outermost + depth
+        cosine = dot(normal, row(columns.normal, i))
+        share, low, high = part_below(below, columns.radius[i], cosine)
+        if share > 0.0:
+            to_strain = cosine / columns.thickness[i]
+            stress = compressed(
+                low * to_strain, high * to_strain, columns.foam[i], i, largest, rest
+            )
+            force += stress * columns.area[i] * share * cosine
+    return force
+
+
+@compiled
 def crush(liner: CrushingLiner, surface: Surface, motion: Motion, deepest: FloatArray) -> None:
     """How deep the undeformed shell would reach into the surface.
 

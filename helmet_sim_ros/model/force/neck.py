@@ -23,8 +23,8 @@ from helmet_sim_ros.model.compiled import compiled
 from helmet_sim_ros.model.force.bodies import Loads, Motion
 from helmet_sim_ros.model.force.vector import Vec, add, cross, dot, scaled, sub
 
-STOP_STIFFENS = math.radians(10.0)  # beyond the range, where a stop is twice as stiff; choice
-STOP_DAMPING = 0.05  # s/rad, as the other joints' stops; choice
+STOP_STIFFENS = math.radians(4.0)  # beyond the range, where a stop is twice as stiff; choice
+STOP_DAMPING = 0.02  # s/rad; choice: 0.05, as other joints' stops, jolts the head on the sled
 BOTTOM_DAMPING = 0.2  # s/m, as the body's contact with the ground
 
 FLEXION, EXTENSION, LATERAL, TORSION = 0, 1, 2, 3

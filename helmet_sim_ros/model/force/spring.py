@@ -2,7 +2,9 @@
 
 Loading follows F = A (exp(B d) - 1) (Hyncik & Bonkowski, section 2.2). Below the largest
 compression d_m so far, unloading and reloading follow F = F_m (exp(C d) - 1) / (exp(C d_m) - 1),
-with C such that the area under it is (1 - energy_loss) of the loading energy.
+with C such that the area under it is (1 - energy_loss) of the loading energy. In three dimensions d is the length of the displacement
+and the force lies along it; each axis contributes its law with the square of the direction's
+cosine, so that along an axis its own law holds, and equal laws make an isotropic spring.
 """
 
 from __future__ import annotations
@@ -29,14 +31,16 @@ class CouplingSpring(NamedTuple):
             negative: a foam helmet, which has none.
         law: A [N], B [1/m], (6, 2).
         energy_loss: share of the loading energy that is not given back [-].
-        path: largest compression so far [m], its force [N], the unloading exponent C [1/m] (0: not
-            yet known), (6, 3); state.
+        largest: largest compression so far in any direction, (1,) [m]; state.
+        path: of each side: that compression [m] when the rest was found, its force [N], the
+            unloading exponent C [1/m], (6, 3); state.
     """
 
     slide: int
     slide_velocity: int
     law: FloatArray
     energy_loss: float
+    largest: FloatArray
     path: FloatArray
 
 
@@ -53,7 +57,7 @@ def law_table(spring: Spring) -> FloatArray:
 def coupling_spring(spring: Spring, slide: int = 0, slide_velocity: int = 0) -> CouplingSpring:
     """The virgin spring of a configuration."""
     path = np.zeros((len(SIDES), 3))
-    return CouplingSpring(slide, slide_velocity, law_table(spring), spring.energy_loss, path)
+    return CouplingSpring(slide, slide_velocity, law_table(spring), spring.energy_loss, np.zeros(1), path)
 
 
 @compiled
@@ -116,33 +120,42 @@ def unloading_force(peak: float, force: float, exponent: float, compression: flo
     )
 
 
-@inlined
+@compiled
 def spring_force(spring: CouplingSpring, displacement: FloatArray, force: FloatArray) -> None:
-    """Force on the shell, against its displacement, axis by axis.
+    """Force on the shell, against its displacement.
 
     Args:
         spring: its state is changed in place.
         displacement: helmet against head, head axes, shape (3,) [m].
         force: shape (3,) [N]; written.
     """
+    x, y, z = displacement[0], displacement[1], displacement[2]
+    compression = (x * x + y * y + z * z) ** 0.5
+    force[:] = 0.0
+    if compression == 0.0:
+        return
+    law, path = spring.law, spring.path
+    loading = compression >= spring.largest[0]
+    if loading:
+        spring.largest[0] = compression
+    largest = spring.largest[0]
+    value = 0.0
     for axis in range(3):
-        backwards = displacement[axis] < 0.0
-        side = 2 * axis if backwards else 2 * axis + 1
-        compression = abs(displacement[axis])
-        scale, exponent = spring.law[side, SCALE], spring.law[side, EXPONENT]
-        path = spring.path[side]
-        if compression >= path[LARGEST]:
-            value = loading_force(scale, exponent, compression)
-            path[LARGEST] = compression
-            path[LARGEST_FORCE] = value
-            path[UNLOADING] = 0.0
-        else:
-            if path[UNLOADING] == 0.0:
-                path[UNLOADING] = unloading_exponent(exponent, path[LARGEST], spring.energy_loss)
-            value = unloading_force(
-                path[LARGEST], path[LARGEST_FORCE], path[UNLOADING], compression
-            )
-        force[axis] = value if backwards else -value
+        share = displacement[axis] / compression
+        side = 2 * axis if share < 0.0 else 2 * axis + 1
+        scale, exponent = law[side, SCALE], law[side, EXPONENT]
+        if loading:
+            value += share * share * loading_force(scale, exponent, compression)
+            continue
+        if path[side, LARGEST] != largest:  # first time below this peak on this side
+            path[side, LARGEST] = largest
+            path[side, LARGEST_FORCE] = loading_force(scale, exponent, largest)
+            path[side, UNLOADING] = unloading_exponent(exponent, largest, spring.energy_loss)
+        value += share * share * unloading_force(
+            largest, path[side, LARGEST_FORCE], path[side, UNLOADING], compression
+        )
+    for axis in range(3):
+        force[axis] = -value * displacement[axis] / compression
 
 
 @inlined
@@ -164,14 +177,17 @@ def recoverable_energy(displacement: FloatArray, spring: Spring) -> FloatArray:
     """
     law = law_table(spring)
     energy = np.zeros(len(displacement))
+    compression = np.linalg.norm(displacement, axis=1)
+    peak = np.maximum.accumulate(compression)
     for side in range(6):
         sense = -1.0 if side % 2 == 0 else 1.0
-        compression = np.maximum(sense * displacement[:, side // 2], 0.0)
-        peak = np.maximum.accumulate(compression)
-        for i in np.flatnonzero(compression > 0.0):
-            c = unloading_exponent(law[side, 1], peak[i], spring.energy_loss)
+        along = np.maximum(sense * displacement[:, side // 2], 0.0)
+        scale, exponent = law[side]
+        for i in np.flatnonzero(along > 0.0):
+            c = unloading_exponent(exponent, peak[i], spring.energy_loss)
             force = unloading_force(
-                peak[i], loading_force(law[side, 0], law[side, 1], peak[i]), c, compression[i]
+                peak[i], loading_force(scale, exponent, peak[i]), c, compression[i]
             )
-            energy[i] += force * compression[i] * exponential_share(c * compression[i])
+            share = (along[i] / compression[i]) ** 2
+            energy[i] += share * force * compression[i] * exponential_share(c * compression[i])
     return energy

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from helmet_sim_ros.biomech.record import FloatArray
-from helmet_sim_ros.model.force.neck import STOP_STIFFENS, CervicalSpine, bending_excess
+from helmet_sim_ros.model.force.neck import CervicalSpine, bending_excess
 from helmet_sim_ros.model.rider.anthropometry import Anthropometry, Segment, cylinder
 from helmet_sim_ros.model.rider.properties import Neck
 
@@ -37,13 +37,12 @@ BOW = 0.010
 #: Shortening that cadavers' necks survived to be measured: 60 mm (Ivancic, J. Athl. Train. 47(4),
 #: 2012). A neck that lost more is destroyed, and the record says so.
 MEASURED_SHORTENING = 0.060  # m
+TOLD_EXCESS = math.radians(10.0)  # beyond the range of motion, which the record tells; choice
 #: Where skull and shoulders meet at the latest [m] and how stiff, over the neck's own stiffness
 #: (choices: the plateau goes on through a crown drop at 5 m/s, and no head passes the chest).
 BOTTOM, BOTTOM_STIFFENING = 0.170, 20.0
 _HINGES = ("flexion", "lateral", "rotation")  # of a joint of version 0.1, about y, x and z
-#: Stiffness of a ball joint's stop over the joint's: a choice, made with the sled in view. 20, as
-#: at other joints, throws the head back with 85 g in a lateral test, where 7 gives 24 g.
-STOP_STIFFENING = 7.0
+STOP_STIFFENING = 5.0  # stiffness of a ball joint's stop over the joint's; choice
 
 
 def add_neck(thorax: mujoco.MjsBody, neck: Neck, body: Anthropometry) -> mujoco.MjsBody:
@@ -156,7 +155,7 @@ def overload(neck: CervicalSpine, positions: FloatArray) -> tuple[str, ...]:
         first = neck.qpos[i]
         bent = Rotation.from_quat(positions[:, [first + 1, first + 2, first + 3, first]])
         excess = max(bending_excess((x, y, z), neck.ranges[i])[0] for x, y, z in bent.as_rotvec())
-        if excess > STOP_STIFFENS:
+        if excess > TOLD_EXCESS:
             notes.append(f"{name} bent {math.degrees(excess):.0f} deg beyond its range of motion")
     return tuple(notes)
 

@@ -8,10 +8,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from helmet_sim_ros.biomech.histories import Chatter, Rating, channel_rating, chatter
+from helmet_sim_ros.biomech.pulse import STANDARD_GRAVITY
 from helmet_sim_ros.biomech.result import Criterion
 from helmet_sim_ros.errors import PulseError
 from helmet_sim_ros.mcap_log import ImpactLog, LoggedImpact
 from helmet_sim_ros.report.review.summary import label
+
+#: Channels whose histories are rated.
+RATED = ("head_acceleration", "head_angular_velocity")
 
 #: Setup values by which impacts of two logs belong together; helmet and rider may differ.
 PAIRED_BY = (
@@ -62,6 +67,34 @@ class Change:
     def differs(self) -> bool:
         """Whether the difference is above the tolerance."""
         return abs(self.relative) > self.tolerance
+
+
+@dataclass(frozen=True)
+class Likeness:
+    """How alike the histories of a pair are.
+
+    Attributes:
+        ratings: of B against A by channel (ISO/TS 18571).
+        chatter: of the head acceleration of A and of B.
+        problem: why there is none of it, in words; else empty.
+    """
+
+    ratings: Mapping[str, Rating]
+    chatter: tuple[Chatter, ...] = ()
+    problem: str = ""
+
+
+def likeness(pair: Pair) -> Likeness:
+    """The histories of both impacts of a pair against each other; both are there."""
+    assert pair.a is not None and pair.b is not None
+    records = pair.a.record, pair.b.record
+    try:
+        return Likeness(
+            {channel: channel_rating(*records, channel) for channel in RATED},
+            tuple(chatter(r.head_acceleration / STANDARD_GRAVITY, r.time_step) for r in records),
+        )
+    except PulseError as error:
+        return Likeness({}, problem=str(error))
 
 
 def paired(first: ImpactLog, second: ImpactLog) -> list[Pair]:

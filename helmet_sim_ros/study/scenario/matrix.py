@@ -97,19 +97,37 @@ def load_scenario(name_or_path: str | Path, **common: object) -> Scenario:
     file: ScenarioFile = ScenarioFile.from_mapping(read_yaml(path, "scenario"), str(path))
     replaced = _dotted_arguments(common)
     setup_from_names(replaced)
+    reference = _reference(file, path)
+    cases = tuple(cases_of(file, path, replaced, reference))
+    return Scenario(file.name or path.stem, file.description, cases, path, reference)
+
+
+def cases_of(
+    file: ScenarioFile,
+    path: Path,
+    replaced: Mapping[str, object],
+    reference: Reference | None = None,
+) -> Iterable[Case]:
+    """Every case of a scenario.
+
+    Args:
+        file: the scenario.
+        path: where it stands, for errors.
+        replaced: dotted names that replace its values in every case.
+        reference: what was published for it.
+
+    Raises:
+        SetupError: an empty matrix, or a refused value in any case.
+    """
     shared = flatten(file.common, f"{path}: common")
     validated(shared, f"{path}: common")
-    reference = _reference(file, path)
-
     combinations = list(combinations_of(file, path))
     names = _names(combinations, file.name or path.stem)
-    cases = []
     for number, ((_, values), name) in enumerate(zip(combinations, names, strict=True), 1):
-        values = shared | values | replaced
+        values = {**shared, **values, **replaced}
         setup = validated(values, f"{path}: case {number} ({name})")
         published = reference.row(setup.described()) if reference else None
-        cases.append(Case(name, setup, values, published))
-    return Scenario(file.name or path.stem, file.description, tuple(cases), path, reference)
+        yield Case(name, setup, values, published)
 
 
 def flatten(values: Mapping[Any, Any], source: str = "", prefix: str = "") -> dict[str, object]:

@@ -10,12 +10,15 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from helmet_sim_ros.biomech.evaluation import evaluate
+from helmet_sim_ros.biomech.histories import Chatter, Rating, channel_rating, chatter
+from helmet_sim_ros.biomech.pulse import STANDARD_GRAVITY
 from helmet_sim_ros.biomech.record import ImpactRecord
 from helmet_sim_ros.model.balance import balance
 from helmet_sim_ros.model.impact import Impact
 from helmet_sim_ros.model.setup import ImpactSetup
 from helmet_sim_ros.study.scenario.reference import Published
 
+RATED_FOR = 0.03  # s, interval over which histories are rated
 EARLY = 5e-4  # s, how long a first-touch spike of the shell may last
 #: Columns of the paper's Table 1.
 PUBLISHED = ("MB", "FE", "THUMS")
@@ -32,6 +35,7 @@ class CaseResult:
         force_ratio: peak tangential over peak normal ground force [-].
         peak_force: normal ground force [N].
         hic: unlimited window [-].
+        peak_angular_acceleration: of the head [rad/s^2].
         early_spike: largest normal force of the first 0.5 ms over the peak [-].
         grounded: whether the helmet is on the ground at the acceleration peak.
         effective_mass: ground force over head acceleration at its peak [kg].
@@ -53,6 +57,7 @@ class CaseResult:
     force_ratio: float
     peak_force: float
     hic: float
+    peak_angular_acceleration: float
     early_spike: float
     grounded: bool
     effective_mass: float
@@ -92,6 +97,7 @@ def run_case(name: str, setup: ImpactSetup, published: Published | None = None) 
         force_ratio=float(result.force_ratio),
         peak_force=float(normal.max()),
         hic=float(result.hic),
+        peak_angular_acceleration=float(result.peak_angular_acceleration),
         early_spike=float(early.max() / normal.max()),
         grounded=bool(normal[i] > 0.0),
         effective_mass=ground / float(magnitude[i]),
@@ -104,6 +110,34 @@ def run_case(name: str, setup: ImpactSetup, published: Published | None = None) 
         published=published,
         record=record,
     )
+
+
+@dataclass(frozen=True)
+class Histories:
+    """How alike the histories of one case are in two forms of the helmet.
+
+    Attributes:
+        acceleration: rating of the head acceleration over the first 30 ms (ISO/TS 18571).
+        rotation: the same of the head's angular velocity.
+        chatter: of the head acceleration, of the rated form and of the reference.
+    """
+
+    acceleration: Rating
+    rotation: Rating
+    chatter: tuple[Chatter, Chatter]
+
+
+def histories(case: CaseResult, reference: CaseResult) -> Histories:
+    """The histories of a case rated against those of its reference."""
+    acceleration, rotation = (
+        channel_rating(reference.record, case.record, channel, RATED_FOR)
+        for channel in ("head_acceleration", "head_angular_velocity")
+    )
+    ours, others = (
+        chatter(one.record.head_acceleration / STANDARD_GRAVITY, one.record.time_step)
+        for one in (case, reference)
+    )
+    return Histories(acceleration, rotation, (ours, others))
 
 
 def errors(values: Sequence[float], references: Sequence[float]) -> tuple[float, float]:

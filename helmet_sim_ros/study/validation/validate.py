@@ -11,6 +11,8 @@ from helmet_sim_ros.model.setup import ImpactSetup
 from helmet_sim_ros.study.identification.drop_tests import SimulatedDrop, simulated_drops
 from helmet_sim_ros.study.scenario.matrix import load_scenario
 from helmet_sim_ros.study.validation.case import CaseResult, run_case
+from helmet_sim_ros.study.validation.experiments import load_experiments
+from helmet_sim_ros.study.validation.findings import Finding, findings
 
 FOAM = {"helmet.coupling": "foam"}
 SPRING = {"helmet.coupling": "spring"}
@@ -32,11 +34,11 @@ VARIATIONS: Mapping[str, Mapping[str, object]] = {
     "friction 0.5": {"impact.friction": 0.5},
     "foam density 50 kg/m^3": {"helmet.liner.density": 50.0},
     "foam density 60 kg/m^3": {"helmet.liner.density": 60.0},
-    "head fixed in the liner": {"helmet.liner.padding_stiffness": 1e7,
-                                "helmet.liner.head_friction": 5.0},
-    "head on bare liner, friction 0.5": {"helmet.liner.padding_stiffness": 1e6},
-    "soft padding and scalp (100 kN/m)": {"helmet.liner.padding_stiffness": 1e5},
-    "softer padding and scalp (50 kN/m)": {"helmet.liner.padding_stiffness": 5e4},
+    "head fixed in the liner": {"head.friction": 2.0, "helmet.padding.shear_modulus": 1e7},
+    "friction of the head 0.16": {"head.friction": 0.16},
+    "friction of the head 0.75": {"head.friction": 0.75},
+    "padding half as stiff in shear": {"helmet.padding.shear_modulus": 50e3},
+    "padding twice as stiff in shear": {"helmet.padding.shear_modulus": 200e3},
 }  # fmt: skip
 
 
@@ -60,6 +62,7 @@ class Validation:
     paper: tuple[CaseResult, ...]
     refinement: tuple[Refinement, ...]
     sensitivity: tuple[tuple[str, tuple[CaseResult, ...]], ...]
+    experiments: tuple[Finding, ...]
 
 
 def validate(progress: Callable[[str], None] = lambda _: None) -> Validation:
@@ -79,7 +82,8 @@ def validate(progress: Callable[[str], None] = lambda _: None) -> Validation:
     refinement = tuple(_refined(oblique, drops))
     progress("sensitivity")
     sensitivity = tuple((words, tuple(_varied(changes))) for words, changes in VARIATIONS.items())
-    return Validation(drops, oblique, table, paper, refinement, sensitivity)
+    experiments = findings(load_experiments(), lambda what: progress(f"experiment {what}"))
+    return Validation(drops, oblique, table, paper, refinement, sensitivity, experiments)
 
 
 def _pairs(scenario: str) -> tuple[tuple[CaseResult, CaseResult], ...]:

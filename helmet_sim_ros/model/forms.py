@@ -1,0 +1,59 @@
+"""A helmet with values changed: what its form ignores is refused, and a spring follows its liner."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from helmet_sim_ros.errors import Problem, SetupError
+from helmet_sim_ros.model.helmet import Helmet
+from helmet_sim_ros.model.identified import identified
+from helmet_sim_ros.schema import leaf_values
+
+#: Values without effect in a foam helmet, as beginnings of names.
+SPRING_ONLY = (
+    "spring.", "shell.contact_stiffness", "shell.contact_damping", "shell.contact_returned",
+)  # fmt: skip
+#: Values of a liner without effect in a helmet whose spring the user gave himself.
+FOAM_ONLY = (
+    "liner.density", "liner.energy_returned", "liner.columns", "liner.front.density",
+    "liner.back.density", "liner.side.density", "liner.top.density",
+)  # fmt: skip
+#: What a spring is identified from.
+LINER = ("liner.", "shell.semi_axes", "shell.center", "shell.contact_stiffness", "mass")
+
+
+def worn(helmet: Helmet, changes: Mapping[str, object]) -> Helmet:
+    """A helmet with values changed by dotted name.
+
+    Raises:
+        SetupError: unknown name, a refused value, or a value that has no effect in the helmet's
+            form.
+    """
+    changed: Helmet = helmet.replaced(changes)
+    before, after = leaf_values(helmet), leaf_values(changed)
+    other = [name for name in changes if before[name] != after[name]]
+    spring = changed.coupling == "spring"
+    given = spring and not helmet.spring.identified
+    if not spring:
+        _refuse(other, after, SPRING_ONLY, "helmet.coupling is foam; set it to spring")
+    elif given:
+        _refuse(
+            other, after, FOAM_ONLY,
+            "the helmet's file gives its own spring; set helmet.coupling to foam, or leave it",
+        )  # fmt: skip
+    elif any(name.startswith(LINER) for name in other):
+        own = {name: changes[name] for name in other if name.startswith("spring.")}
+        fresh = identified(changed.model_copy(update={"spring": helmet.spring}))
+        changed = changed.model_copy(update={"spring": fresh}).replaced(own)
+    return changed
+
+
+def _refuse(
+    names: list[str], values: Mapping[str, object], ignored: tuple[str, ...], why: str
+) -> None:
+    problems = [
+        Problem(name, values[name], f"has no effect here: {why}")
+        for name in names if name.startswith(ignored)
+    ]  # fmt: skip
+    if problems:
+        raise SetupError(problems)

@@ -1,0 +1,103 @@
+"""The coupling spring that follows its liner: identified from flat presses of the foam columns.
+
+Per side, F = A (exp(B d) - 1) is laid through the (force, crush) peaks of drops at four speeds
+(Hyncik & Bonkowski, section 2.2), at most as fast as the liner bears without bottoming out. The
+foam's law knows no rate, so the peak of a drop is where the slow press has taken up its energy, and
+no impact has to be simulated. The shell's own bending on the ground, which the spring helmet adds
+again, is taken off the crush.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from scipy.integrate import cumulative_trapezoid, trapezoid
+
+from helmet_sim_ros.biomech.record import FloatArray
+from helmet_sim_ros.model.force.columns import columns
+from helmet_sim_ros.model.force.foam import bottoming_strain, foam_row
+from helmet_sim_ros.model.force.liner import press
+from helmet_sim_ros.model.helmet import Helmet, Spring, SpringLaw
+
+#: The part of the head that each law belongs to.
+SIDES = {
+    "front": (1.0, 0.0, 0.0),
+    "back": (-1.0, 0.0, 0.0),
+    "side": (0.0, 1.0, 0.0),
+    "top": (0.0, 0.0, 1.0),
+}
+FASTEST = 10.0  # m/s, of the paper's drop tests
+SPEEDS = (0.25, 0.5, 0.75, 1.0)  # of the fastest drop
+HEAD_MASS = 4.5  # kg, of the drops; the law hardly depends on it
+STEPS = 80  # of a press
+
+
+def exponential(d: FloatArray, stiffness: float, exponent: float) -> FloatArray:
+    """F = A (exp(B d) - 1) by its initial stiffness A B [N/m] and B [1/m]."""
+    return np.asarray(stiffness / exponent * np.expm1(exponent * d))
+
+
+def exponential_through(
+    compression: FloatArray, force: FloatArray
+) -> tuple[float, float, FloatArray]:
+    """The law F = A (exp(B d) - 1) with the least squares of the relative force error.
+
+    Args:
+        compression, force: of the peaks, shape (n,) [m], [N].
+
+    Returns:
+        Initial stiffness A B [N/m], exponent B [1/m], and the covariance of the two, (2, 2).
+    """
+    from scipy.optimize import curve_fit  # half a second of imports that few processes need
+
+    # Fitted in initial stiffness A B and B, which are far less correlated than A and B.
+    start = (float(force[0] / compression[0]), 10.0)
+    (stiffness, exponent), covariance = curve_fit(
+        exponential, compression, force, p0=start, sigma=force, bounds=((1.0, 1e-3), (1e9, 499.0))
+    )
+    return float(stiffness), float(exponent), covariance
+
+
+@lru_cache(maxsize=64)
+def identified(helmet: Helmet) -> Spring:
+    """The spring of a helmet's liner. Costs some milliseconds, once per helmet and process."""
+    laws, losses = {}, []
+    for side, axis in SIDES.items():
+        compression, force, loss = _peaks(helmet, side, np.array(axis))
+        compression = compression - force / helmet.shell.contact_stiffness
+        stiffness, exponent, _ = exponential_through(compression, force)
+        laws[side] = SpringLaw(A=stiffness / exponent, B=exponent)
+        losses.append(loss)
+    # What pulls the shell off the liner no drop test shows: taken as the top.
+    return Spring(
+        **laws, strap=laws["top"], energy_loss=min(float(np.mean(losses)), 0.98), identified=True
+    )
+
+
+def _peaks(helmet: Helmet, side: str, axis: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+    """Crush [m] and force [N] at the peaks of four drops, and the mean share of energy lost."""
+    liner, table = helmet.liner, columns(helmet)
+    foam = foam_row(liner.zone_density(side), liner.energy_returned)
+    n = len(table.area)
+    largest, rest = np.zeros(n), np.full(n, -1.0)
+    depth = np.linspace(0.0, bottoming_strain(foam) * liner.zone_thickness(side), STEPS)
+    force = np.array([press(table, axis, d, largest, rest) for d in depth])
+    energy = cumulative_trapezoid(force, depth, initial=0.0)
+    mass = HEAD_MASS + helmet.mass
+    most = min(energy[-1], 0.5 * mass * FASTEST**2)
+    turns = [int(np.searchsorted(energy, most * share**2)) for share in SPEEDS]
+    turns = [min(turn, STEPS - 1) for turn in turns]
+    return depth[turns], force[turns], _loss(helmet, axis, depth[: turns[-1] + 1])
+
+
+def _loss(helmet: Helmet, axis: FloatArray, depth: FloatArray) -> float:
+    """Share of the energy of a press that is not given back [-]."""
+    table = columns(helmet)
+    n = len(table.area)
+    largest, rest = np.zeros(n), np.full(n, -1.0)
+    loaded = np.array([press(table, axis, d, largest, rest) for d in depth])
+    # Unloading is over within a small share of the depth, so it has to be resolved there.
+    back = depth[-1] * (1.0 - np.linspace(0.0, 1.0, STEPS) ** 2)
+    unloaded = np.array([press(table, axis, d, largest, rest) for d in back])
+    return float(1.0 + trapezoid(unloaded, back) / trapezoid(loaded, depth))
