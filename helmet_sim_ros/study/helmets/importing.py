@@ -18,6 +18,7 @@ from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.errors import SetupError
 from helmet_sim_ros.model.geometry import ZONES, Geometry, write_geometry
 from helmet_sim_ros.model.helmet import Helmet, load_helmet
+from helmet_sim_ros.model.identified import identified
 from helmet_sim_ros.schema import Config, quantity
 from helmet_sim_ros.study.helmets.cells import Cells, cells_of, fitted_ellipsoid, outer_surface
 from helmet_sim_ros.study.helmets.mass import mass_properties
@@ -140,7 +141,7 @@ def import_helmet(shell: Path, liner: Path | None, plan: ImportPlan) -> Imported
     values = base.model_dump()
     values |= {
         "description": f"Imported from {', '.join(part.path.name for part in parts)}; foam, "
-        f"spring, padding and strap of {plan.base}.",
+        f"padding and strap of {plan.base}.",
         "mass": whole.shell + whole.liner,
         "inertia": tuple(whole.inertia.tolist()),
         "mass_center": tuple(whole.center.tolist()),
@@ -177,7 +178,9 @@ def write_helmet_folder(imported: ImportedHelmet, folder: Path) -> Path:
         raise SetupError.of("output", str(folder), f"cannot be written: {error}") from error
     try:
         array = write_geometry(imported.geometry, unfinished, "geometry")
-        values = {**imported.values, "geometry": array.name}
+        values = {**imported.values, "geometry": str(array)}
+        helmet = Helmet.from_mapping(values, str(folder))
+        values |= {"geometry": array.name, "spring": identified(helmet).model_dump()}
         text = "".join(f"# {note}\n" for note in imported.notes)
         text += yaml.safe_dump(_plain(values), sort_keys=False, allow_unicode=True)
         (unfinished / "helmet.yaml").write_text(text, encoding="utf-8")

@@ -11,7 +11,8 @@ from scipy.integrate import trapezoid
 from helmet_sim_ros.biomech.evaluation import evaluate
 from helmet_sim_ros.biomech.record import FloatArray, ImpactRecord
 from helmet_sim_ros.errors import SetupError
-from helmet_sim_ros.model.force.foam import bottoming_strain, foam_row
+from helmet_sim_ros.model.force.columns import liner_rows
+from helmet_sim_ros.model.force.foam import bottoming_strain
 from helmet_sim_ros.model.impact import simulate
 from helmet_sim_ros.model.setup import ImpactSetup
 from helmet_sim_ros.study.scenario.matrix import load_scenario
@@ -131,7 +132,7 @@ def measure(record: ImpactRecord, setup: ImpactSetup) -> DropTest:
     """The peaks of a recorded drop."""
     force, compression = record.ground_force[:, 2], approach(record)
     zone, liner = ZONES[setup.direction], setup.helmet_config.liner
-    limit = bottoming_strain(foam_row(liner.zone_density(zone), liner.energy_returned))
+    limit = bottoming_strain(liner_rows(liner, np.array([liner.zone_density(zone)]))[0])
     crushed = record.coupling_displacement
     strain = float(np.linalg.norm(crushed, axis=1).max()) / liner.zone_thickness(zone)
     result = evaluate(record)
