@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.stats import qmc
 
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.errors import SetupError, StudyError
@@ -31,10 +30,16 @@ SPEEDS = 12  # straight blows at rising speed, for a first guess
 STARTS = ((0.0, 0.0), (0.7, 0.7), (-0.7, 0.7), (0.0, -1.0))  # speeds along, of half the highest
 EVALUATIONS = 8  # of each descent, each with five simulations for its slope
 STEP = 0.01  # of the parameters' spans, for slopes
-ROUND = 128  # simulated crashes about the most likely one, and again about the posterior
-WIDER = 1.6  # than the posterior, for what is simulated
+ROUND = 128  # simulated crashes of a round: about the most likely ones, then where samples were
+ROUNDS = 8  # at most, until the sample has settled
+BEYOND = 0.7  # standard deviations by which a round goes beyond the last sample
+MOVED = 0.2  # standard deviations, by which a settled sample still moves
+ALIKE = (
+    20.0  # half the difference of squared misfits that makes two crashes alike: a likelihood e^20
+)
 WALKERS = 64
-STEPS = (300, 600)  # of the sampler until it has settled, and that are kept; a third on the way
+ROUGH = (100, 100)  # steps of the sampler in a round: until it forgets its start, and kept
+STEPS = 500  # that are kept in the end
 INTERVAL = 0.90
 UNKNOWN = 0.8  # share of the prior's width from which on the crush does not tell a quantity
 UNITS = {
@@ -120,12 +125,13 @@ def reconstruct(
         result: FloatArray = (residual_crush(whole, points)[:, index] * weight).sum(axis=2)
         return result
 
-    middle, covariance = most_likely(whole, crush.depth, noise, at_places)
+    random = np.random.default_rng(seed)
+    points = _about(most_likely(whole, crush.depth, noise, at_places), random)
     known, values = np.zeros((0, len(NAMES))), np.zeros((0, len(crush.depth)))
-    for last in (False, True):
-        # Wider than the posterior, so that its edge lies among what was simulated.
-        normal = qmc.MultivariateNormalQMC(middle, WIDER**2 * covariance, rng=seed + last)
-        points = np.clip(normal.random(ROUND), whole.low, whole.high)
+    before: FloatArray | None = None
+    for n in range(1, ROUNDS + 1):
+        # Each round simulates where the last one's sample was, and beyond its edge.
+        points = np.clip(points, whole.low, whole.high)
         points, crushed = _kept(points, at_places(points))
         known, values = np.vstack([known, points]), np.vstack([values, crushed])
         emulator = Emulator(known, values)
@@ -134,20 +140,32 @@ def reconstruct(
             WALKERS, len(NAMES), _log_posterior, vectorize=True,
             args=(likelihood, emulator, whole),
         )  # fmt: skip
-        sampler.random_state = np.random.RandomState(seed).get_state()
-        walkers = known[np.argsort(-likelihood.log(known))[:WALKERS]]
-        settle, keep = (steps if last else steps // 3 for steps in STEPS)
-        state = sampler.run_mcmc(walkers, settle, skip_initial_state_check=True)
-        sampler.reset()
-        sampler.run_mcmc(state, keep)
+        sampler.random_state = np.random.RandomState(seed + n).get_state()
+        state = known[np.argsort(-likelihood.log(known))[:WALKERS]]
+        for steps in ROUGH:
+            sampler.reset()
+            state = sampler.run_mcmc(state, steps, skip_initial_state_check=True)
         sample = sampler.get_chain(flat=True)
-        middle, covariance = sample.mean(axis=0), np.cov(sample.T)
+        settled = before is not None and _settled(before, sample)
+        if settled:
+            break
+        before = sample
+        some = sample[random.choice(len(sample), ROUND, replace=False)]
+        root = np.linalg.cholesky(np.cov(sample.T))
+        points = some + BEYOND * random.standard_normal((ROUND, len(NAMES))) @ root.T
+    sampler.reset()
+    sampler.run_mcmc(state, STEPS, skip_initial_state_check=True)
+    sample = sampler.get_chain(flat=True)
     start = sample[int(np.argmax(sampler.get_log_prob(flat=True)))]
     tau = float(np.mean(sampler.get_autocorr_time(quiet=True, tol=0)))
     misfit = float(np.sqrt(np.mean((emulator(start[None])[0] - crush.depth) ** 2))) / noise
-    return _told(
+    result = _told(
         whole, sample, misfit, emulator, simulated, float(sampler.acceptance_fraction.mean()), tau
     )
+    if settled:
+        return result
+    late = f"the sample still moved after {ROUNDS} rounds; its intervals may be too narrow"
+    return replace(result, notes=(*result.notes, late))
 
 
 def _told(
@@ -205,11 +223,11 @@ def _middle(crush: CrushMap, cells: Columns) -> FloatArray:
 def most_likely(
     whole: Scene, depth: FloatArray, noise: float,
     at_places: Callable[[FloatArray], FloatArray],
-) -> tuple[FloatArray, FloatArray]:  # fmt: skip
-    """The crash whose crush is nearest, (5,), and its covariance, (5, 5).
+) -> list[tuple[FloatArray, FloatArray]]:  # fmt: skip
+    """The crashes whose crush is nearest, (5,) each, with their covariance, (5, 5).
 
     Straight blows give a first speed; from there, and from blows that also slide,
-    least squares go down; the best end is taken. The covariance is that of a linear model and the
+    least squares go down; the best end is taken, and what is nearly as good. The covariance is that of a linear model and the
     prior's together.
     """
     span = whole.high - whole.low
@@ -236,11 +254,36 @@ def most_likely(
                 max_nfev=EVALUATIONS, x_scale=0.1,
             )
         )  # fmt: skip
-    best = min(ends, key=lambda end: float(end.cost))
-    local = jacobian(best.x)
+    best = min(float(end.cost) for end in ends)
     prior = 12.0 * np.eye(len(NAMES))  # a uniform one has the variance of its span over 12
-    covariance = np.linalg.inv(local.T @ local + prior) * np.outer(span, span)
-    return whole.low + best.x * span, covariance
+    found = []
+    for end in ends:
+        if float(end.cost) < best + ALIKE:
+            local = jacobian(end.x)
+            covariance = np.linalg.inv(local.T @ local + prior) * np.outer(span, span)
+            found.append((whole.low + end.x * span, covariance))
+    return found
+
+
+def _about(
+    ends: Sequence[tuple[FloatArray, FloatArray]], random: np.random.Generator
+) -> FloatArray:
+    """Crashes about the most likely ones, twice as wide as a normal posterior, (n, 5)."""
+    share = ROUND // len(ends) + 1
+    return np.vstack(
+        [
+            middle + 2.0 * random.standard_normal((share, len(NAMES))) @ np.linalg.cholesky(c).T
+            for middle, c in ends
+        ]
+    )
+
+
+def _settled(before: FloatArray, sample: FloatArray) -> bool:
+    """Whether a sample has moved and spread by less than ``MOVED`` standard deviations."""
+    spread = before.std(axis=0)
+    moved = np.abs(sample.mean(axis=0) - before.mean(axis=0)) / spread
+    widened = np.abs(sample.std(axis=0) / spread - 1.0)
+    return bool(moved.max() < MOVED and widened.max() < MOVED)
 
 
 def _kept(points: FloatArray, crush: FloatArray) -> tuple[FloatArray, FloatArray]:
