@@ -44,10 +44,11 @@ def scan(setup: ImpactSetup, seed: int) -> CrushMap:
 
 
 def test_a_crash_is_found_again_with_its_uncertainty() -> None:
-    """One blow that slides; how often truths lie in the intervals: bench/reconstruction.py."""
+    """A blow that slides; how often truths lie in the intervals counts bench_reconstruction.py."""
     result = reconstruct(scan(crashed(5.5, 3.0, -4.0, 75.0, 30.0), 1), FOAM, NOISE)
+    angle = float(np.degrees(np.arctan2(5.5, 5.0)))
     truth = {"normal_velocity": 5.5, "tangential_velocity": 5.0, "speed": np.hypot(5.5, 5.0),
-             "angle": np.degrees(np.arctan2(5.5, 5.0)), "azimuth": 75.0, "elevation": 30.0}  # fmt: skip
+             "angle": angle, "azimuth": 75.0, "elevation": 30.0}  # fmt: skip
     assert truth.keys() == UNITS.keys()
     for name, value in truth.items():
         low, _, high = result.interval(name, 0.99)

@@ -143,7 +143,7 @@ def _length(key: str, text: str) -> float:
 @click.option("-o", "--output", type=click.Path(path_type=Path),
               help="New foam file, for liner.foam.")  # fmt: skip
 @click.option("--plot", type=click.Path(path_type=Path),
-              help="Write the curves with their fit to this file (.svg, .pdf or .png).")  # fmt: skip
+              help="Write the curves and their fit to this file (.svg, .pdf or .png).")
 @click.option(
     "--rate",
     type=float,

@@ -34,9 +34,8 @@ ROUND = 128  # simulated crashes of a round: about the most likely ones, then wh
 ROUNDS = 8  # at most, until the sample has settled
 BEYOND = 0.7  # standard deviations by which a round goes beyond the last sample
 MOVED = 0.2  # standard deviations, by which a settled sample still moves
-ALIKE = (
-    20.0  # half the difference of squared misfits that makes two crashes alike: a likelihood e^20
-)
+#: Difference of half the squared misfits up to which two crashes are followed both.
+ALIKE = 20.0
 WALKERS = 64
 ROUGH = (100, 100)  # steps of the sampler in a round: until it forgets its start, and kept
 STEPS = 500  # that are kept in the end
