@@ -1,4 +1,5 @@
-# make demo: run the six oblique impacts of the paper's Table 1; make test; make lint; make clean.
+# make demo: run the six oblique impacts of the paper's Table 1; make test; make lint;
+# make docs; make clean.
 # PYTHON=python3.12 chooses another interpreter (3.11 or later), VENV=... another place.
 PYTHON ?= python3
 VENV ?= .venv
@@ -11,7 +12,7 @@ BIN := $(VENV)/bin
 PACKAGING := setup.py setup.cfg pyproject.toml package.xml $(wildcard scripts/*_node)
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: demo test lint clean
+.PHONY: demo test lint docs clean
 
 demo: $(VENV)/.demo-ready
 	@$(BIN)/helmet-sim run oblique_table1
@@ -23,6 +24,10 @@ lint: $(VENV)/.test-ready
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+docs: $(VENV)/.docs-ready
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	@echo "build/site/index.html; with search: $(BIN)/python -m http.server --directory build/site"
 
 clean:
 	rm -rf $(VENV) build install log *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
@@ -44,4 +49,9 @@ $(VENV)/.demo-ready: $(PACKAGING) | $(BIN)/python
 $(VENV)/.test-ready: $(VENV)/.demo-ready
 	@echo "Installing the tools of the tests into $(VENV), once"
 	$(PIP) --editable '.[ros,report,test]'
+	@touch $@
+
+$(VENV)/.docs-ready: $(VENV)/.demo-ready
+	@echo "Installing the tools of the documentation into $(VENV), once"
+	$(PIP) --editable '.[ros,docs]'
 	@touch $@

@@ -44,6 +44,19 @@ CAD = [
     "trimesh>=4.4",
 ]
 
+#: The explorer in the browser.
+EXPLORE = [
+    "markupsafe",
+    "viser>=1.1",
+]
+
+#: The documentation site, `make docs`.
+DOCS = [
+    "mkdocs-click>=0.8",
+    "mkdocs-material>=9.5,<10",
+    "mkdocstrings[python]>=0.27",
+]
+
 EXTRAS = {
     # ROS 2 Jazzy from wheels. Left out beside a system ROS, so that nothing of it is shadowed.
     "ros": [
@@ -51,10 +64,14 @@ EXTRAS = {
         f"ros-jazzy-common-interfaces==5.3.6; {WHEELS}",
     ],
     "cad": CAD,
+    "docs": DOCS,
+    "explore": EXPLORE,
     "report": REPORT,
     "study": STUDY,
     "test": [
         *CAD,
+        *DOCS,
+        *EXPLORE,
         *REPORT,
         *STUDY,
         "colcon-common-extensions",
@@ -112,6 +129,7 @@ setup(
         "annotated-types",
         "click>=8.1",
         "llvmlite",
+        "lz4",
         "mcap>=1.2",
         "mujoco>=4,<5",
         "numba>=0.61",
@@ -121,6 +139,7 @@ setup(
         "rich>=13",
         "rosbags>=0.10",
         "scipy>=1.11",
+        "zstandard",
     ],
     extras_require=EXTRAS,
     entry_points={"console_scripts": ["helmet-sim = helmet_sim_ros.cli:main"]},

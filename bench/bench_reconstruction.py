@@ -36,7 +36,7 @@ def case(seed: int) -> dict[str, tuple[float, float, float]]:
         {
             "normal_velocity": normal, "tangential_velocity": along,
             "tangential_heading_deg": float(np.degrees(np.arctan2(y, x))),
-            "site_azimuth_deg": azimuth, "site_elevation_deg": elevation,
+            "azimuth_deg": azimuth, "elevation_deg": elevation,
         }
     )  # fmt: skip
     impact = Impact(true)

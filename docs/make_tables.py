@@ -1,4 +1,4 @@
-"""Write the tables of README.md and docs/interface.md from the code they describe.
+"""Write the tables of README.md, docs/interface.md and docs/ros.md from the code they describe.
 
     python docs/make_tables.py          # rewrite what stands between the markers
     python docs/make_tables.py --check  # exit code 1 if a table is out of date
@@ -32,7 +32,7 @@ from helmet_sim_ros.schema import Leaf, leaves
 from helmet_sim_ros.study import load_scenario
 
 ROOT = Path(__file__).resolve().parents[1]
-FILES = (ROOT / "README.md", ROOT / "docs" / "interface.md")
+FILES = (ROOT / "README.md", ROOT / "docs" / "interface.md", ROOT / "docs" / "ros.md")
 BLOCK = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end of table -->)", re.DOTALL)
 
 #: What the channels of a sample mean, and their units.
@@ -63,13 +63,14 @@ OTHER_TOPICS = (
     ("evaluator", "`evaluation/criteria`", "diagnostic_msgs/msg/DiagnosticArray", "head",
      qos.CRITERIA, "one status per criterion: value, unit, window, limit, verdict"),
     ("recorder", "`~/status`", "diagnostic_msgs/msg/DiagnosticStatus", "", qos.LATCHED,
-     "last impact that is on disk, and the file"),
+     "last impact that is on disk with its criteria (or why it has none), and the file"),
     ("scenario", "`~/progress`", "std_msgs/msg/String", "", qos.LATCHED,
      "JSON: case, done, failed, cases, time left [s]"),
 )  # fmt: skip
 SERVICES = (
     ("simulation", "run_impact", "Trigger",
-     "run the configured impact; answers when every sample is out"),
+     "run the configured impact; answers when every sample is out, with impact and digest of the "
+     "setup"),
     ("simulation", "pause", "SetBool", "pause, or go on; asking twice changes nothing"),
     ("simulation", "step", "Trigger", "one slice of a paused impact"),
     ("simulation", "cancel", "Trigger", "end the running impact"),

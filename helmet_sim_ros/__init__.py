@@ -16,8 +16,10 @@ __all__ = [
     "simulate",
     "evaluate",
     "open_log",
+    "compare",
     "sweep",
     "optimise",
+    "certify",
     "ImpactRecord",
     "Evaluation",
 ]
@@ -31,7 +33,8 @@ __getattr__, __dir__ = lazy_names(
         "biomech.evaluation": ("evaluate", "Evaluation"),
         "biomech.record": ("ImpactRecord",),
         "mcap_log": ("open_log",),
-        "study": ("sweep", "optimise"),
+        "present.comparison": ("compare",),
+        "study": ("sweep", "optimise", "certify"),
         "version": ("__version__",),
     },
 )

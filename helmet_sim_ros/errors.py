@@ -2,12 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
+
+
+def printable(text: str) -> str:
+    """Text as a terminal may show it: what is not printable is written as its escape.
+
+    Names in files of others end up in messages; none of them moves the cursor or turns the
+    direction of reading. Line breaks stay.
+    """
+    if text.isprintable():
+        return text
+    return "".join(
+        c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode() for c in text
+    )
 
 
 class HelmetSimError(Exception):
     """Base of every error this package raises on purpose."""
+
+    def __str__(self) -> str:
+        return printable(super().__str__())
 
 
 class Problem(NamedTuple):
@@ -18,10 +34,27 @@ class Problem(NamedTuple):
     allowed: str
 
     def __str__(self) -> str:
-        shown = repr(self.value)
+        try:
+            shown = repr(self.value)
+        except RecursionError:
+            shown = "(nested too deep to be shown)"
         if len(shown) > 120:
             shown = shown[:117] + "..."
-        return f"{self.key} = {shown}: {self.allowed}"
+        key = self.key or "(empty)"
+        if len(key) > 400:  # the end of a dotted name says most
+            key = f"{key[:200]}...{key[-190:]}"
+        return f"{key} = {shown}: {self.allowed}"
+
+
+def did_you_mean(word: object, known: Iterable[str]) -> str:
+    """``"; did you mean 'front'?"`` for the known name most like a word; empty if none is."""
+    import difflib
+
+    if not isinstance(word, str):
+        return ""
+    names = {name.lower(): name for name in known}
+    near = difflib.get_close_matches(word.lower(), names, 1, 0.6)
+    return f"; did you mean {names[near[0]]!r}?" if near else ""
 
 
 class SetupError(HelmetSimError, ValueError):
@@ -52,7 +85,8 @@ class IncompleteError(HelmetSimError):
 
 
 class DivergedError(HelmetSimError):
-    """The simulated state stopped being finite; ``time`` is the simulation time [s]."""
+    """The simulated state left physics: it is not finite, or has more kinetic energy than there can
+    be; ``time`` is the simulation time [s]."""
 
     def __init__(self, time: float, setup: object = None) -> None:
         self.time = time

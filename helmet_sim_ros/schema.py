@@ -16,7 +16,7 @@ import annotated_types
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic.fields import FieldInfo
 
-from helmet_sim_ros.errors import Problem, SetupError
+from helmet_sim_ros.errors import Problem, SetupError, did_you_mean
 
 
 @dataclass(frozen=True)
@@ -51,6 +51,9 @@ class Config(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
     def __init__(self, **data: Any) -> None:
+        for name, value in data.items():
+            if isinstance(value, Mapping):  # pydantic would pass them on as keyword arguments
+                _refuse_foreign_keys(value, f"{name}.")
         try:
             super().__init__(**data)
         except ValidationError as error:
@@ -64,6 +67,13 @@ class Config(BaseModel):
             return data
         return {k: tuple(v) if isinstance(v, list) else v for k, v in data.items()}
 
+    def __repr_args__(self) -> Iterator[tuple[str | None, object]]:
+        """What differs from the defaults."""
+        for name, field in type(self).model_fields.items():
+            value = getattr(self, name)
+            if field.is_required() or value != field.get_default(call_default_factory=True):
+                yield name, value
+
     @classmethod
     def from_mapping(cls, data: object, source: str = "") -> Any:
         """Build from parsed YAML or JSON.
@@ -72,11 +82,10 @@ class Config(BaseModel):
             SetupError: not a mapping, or a refused value; names ``source``.
         """
         if not isinstance(data, Mapping):
-            raise SetupError.of("(document)", data, "must be a mapping of keys to values", source)
-        wrong = [key for key in data if not isinstance(key, str)]
-        if wrong:
-            raise SetupError.of(str(wrong[0]), data[wrong[0]], "a key must be text", source)
+            kind = type(data).__name__  # and not what is in it: it may be any file of the machine
+            raise SetupError.of("(document)", kind, "must be a mapping of keys to values", source)
         try:
+            _refuse_foreign_keys(data)
             return cls(**data)
         except SetupError as error:
             raise error.within(source) from None
@@ -98,6 +107,12 @@ class Config(BaseModel):
                 group = group[part]
             group[last] = value
         return type(self)(**data)
+
+
+def _refuse_foreign_keys(data: Mapping[Any, Any], prefix: str = "") -> None:
+    for key, value in data.items():
+        if not isinstance(key, str):
+            raise SetupError.of(f"{prefix}{key}", value, "a key must be text")
 
 
 def quantity(description: str, unit: str, default: Any = ..., **rules: float) -> Any:
@@ -208,7 +223,9 @@ def _problems(model: type[Config], error: ValidationError) -> Iterator[Problem]:
         elif item["type"] == "missing" and isinstance(item["loc"][-1], str):
             yield Problem(path, None, "is required")
         elif path in by_name:
-            yield Problem(path, item["input"], by_name[path].allowed)
+            leaf = by_name[path]
+            hint = did_you_mean(item["input"], leaf.choices)
+            yield Problem(path, item["input"], leaf.allowed + hint)
         else:
             yield Problem(path, item["input"], item["msg"])
 
@@ -220,7 +237,8 @@ def _leaf_names(model: type[Config]) -> frozenset[str]:
 
 
 def _near(key: str, known: Set[str]) -> str:
-    """The known keys most like ``key``, else all of them."""
+    """The known keys most like ``key``, else all of them; and which of them may be meant."""
     import difflib
 
-    return ", ".join(difflib.get_close_matches(key, known, 3, 0.6) or sorted(known))
+    near = difflib.get_close_matches(key, known, 3, 0.6) or sorted(known)
+    return ", ".join(near) + did_you_mean(key, known)

@@ -51,8 +51,9 @@ def add_impact(
         session.add_criteria(from_evaluation(evaluate(record), impact_id, session.end_ns))
 
 
-def session(path: Path) -> LogSession:
-    return LogSession(path, RecorderConfig(scenario_name="test"), lambda t: "/" + t.lstrip("/"))
+def session(path: Path, scenario: str = "") -> LogSession:
+    config = RecorderConfig(scenario_name="test", scenario_text=scenario)
+    return LogSession(path, config, lambda t: "/" + t.lstrip("/"))
 
 
 def write_log(path: Path, setups: Sequence[ImpactSetup], judged: bool = True) -> list[ImpactRecord]:

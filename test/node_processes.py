@@ -61,7 +61,7 @@ class Rig:
                 self.start(name)
             if "simulation" in self._nodes:
                 readers = str(len({"evaluator", "recorder"} & set(self._nodes)))
-                self.until(lambda: self.status.get("simulation", {}).get("readers") == readers)
+                self.until(lambda: self.status.get("simulation", {}).get("readers") == readers, 300)
         except BaseException:
             self.__exit__(None, None, None)
             raise
@@ -122,6 +122,12 @@ class Rig:
             self._executor.spin_once(timeout_sec=0.02)
         return found
 
+    def serve(self, seconds: float) -> None:
+        """Serve callbacks for some time."""
+        deadline = time.monotonic() + seconds
+        while (left := deadline - time.monotonic()) > 0:
+            self._executor.spin_once(timeout_sec=left)
+
     def ask(self, service: str, request: Any = None) -> Any:
         """Begin a service call; the future of its answer."""
         kinds = {"pause": SetBool, "set_parameters_atomically": SetParametersAtomically,
@@ -173,4 +179,7 @@ class Rig:
 
     def _heard(self, message: DiagnosticStatus) -> None:
         told = {pair.key: pair.value for pair in message.values}
-        self.status[message.name] = told | {"message": message.message}
+        level = {DiagnosticStatus.OK: "ok", DiagnosticStatus.WARN: "warn"}.get(
+            message.level, "error"
+        )
+        self.status[message.name] = told | {"message": message.message, "level": level}

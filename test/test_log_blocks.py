@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from helmet_sim_ros.biomech.record import block_labels, from_block, same_samples
-from helmet_sim_ros.errors import IncompleteError
+from helmet_sim_ros.errors import IncompleteError, PulseError
 from helmet_sim_ros.mcap_log.blocks import Assembler, Block, parse_block
 
 LABELS = tuple(block_labels(("knee",)))
@@ -118,6 +118,68 @@ def test_channels_must_stay_the_same() -> None:
 def test_what_is_no_block_is_refused(header: str, labels: str, data: list[float]) -> None:
     with pytest.raises(IncompleteError, match="not a block of samples"):
         parse_block(header, labels, data)
+
+
+def test_extras_arrive_without_a_setup_and_a_setup_without_extras() -> None:
+    sent = [replace(block, setup=None) for block in blocks()]
+    sent[-1] = replace(sent[-1], extras={"notes": ["hand first"], "crush": [0.5, 0.25]})
+    assembler = Assembler()
+    (impact,) = [impact for block in sent for impact in assembler.feed(travelled(block))]
+    assert impact.record is not None and impact.record.setup == {}
+    assert impact.record.extras["notes"] == ["hand first"]
+    assert np.array_equal(impact.record.extras["crush"], np.array([0.5, 0.25]))
+    record = from_block(list(LABELS), DATA, None, {"notes": ["hand first"]})
+    assert record.extras == {"notes": ["hand first"]} and record.setup == {}
+    record = from_block(list(LABELS), DATA, {"k": 1})
+    assert record.extras == {} and record.setup == {"k": 1}
+
+
+def test_extras_that_only_begin_like_numbers_stay_as_they_are() -> None:
+    odd = {"ragged": [[1.0], 2.0], "words": [1.0, "x"], "empty": [], "integers": [1, 2]}
+    sent = blocks()
+    sent[-1] = replace(sent[-1], extras=odd)
+    assembler = Assembler()
+    (impact,) = [impact for block in sent for impact in assembler.feed(travelled(block))]
+    assert impact.record is not None and impact.record.extras == odd
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"impact_id": "a\x1b[2J"}, {"impact_id": ""}, {"impact_id": "a" * 201},
+        {"impact_id": "\u202e"}, {"total": 10**30}, {"start_time": float("nan")},
+        {"start_time": 1e300}, {"start_time": -1.0}, {"start_time": True}, {"first": True},
+        {"setup": [1]}, {"extras": "x"}, {"model": 3}, {"aborted": {}},
+    ],
+)  # fmt: skip
+def test_a_header_with_other_types_or_beyond_all_bounds_is_refused(change: dict) -> None:
+    header = {"impact_id": "a", "first": 0, "total": 1, "start_time": 1.0} | change
+    with pytest.raises(IncompleteError, match="not a block of samples"):
+        parse_block(json.dumps(header), "time,x", [0.0, 1.0])
+
+
+def test_the_largest_values_of_a_header_are_taken() -> None:
+    largest = {"impact_id": "é" * 200, "first": 10**8 - 1, "total": 10**8, "start_time": 2**31 - 1}
+    assert parse_block(json.dumps(largest), "time", [0.0]).start_time == 2**31 - 1
+    for key, beyond in (("impact_id", "é" * 201), ("total", 10**8 + 1), ("start_time", 2**31)):
+        with pytest.raises(IncompleteError):
+            parse_block(json.dumps(largest | {key: beyond}), "time", [0.0])
+
+
+def test_headers_and_labels_that_would_raise_anything_are_refused() -> None:
+    good = json.dumps({"impact_id": "a", "first": 0, "total": 1, "start_time": 1.0})
+    cases = [("[" * 100_000, "time", [0.0]), ("1" * 5000, "time", [0.0]), (good, "a,a", [0.0, 0.0]),
+             (good, None, [0.0]), (3, "time", [0.0]), (good, "time", [[1.0], 2.0]),
+             (good, "time", [10**400])]  # fmt: skip
+    for header, labels, data in cases:
+        with pytest.raises(IncompleteError, match="not a block of samples"):
+            parse_block(header, labels, data)
+
+
+def test_a_joint_without_velocity_is_named() -> None:
+    labels = [label for label in LABELS if label != "joint_velocity.knee"]
+    with pytest.raises(PulseError, match=r"no column 'joint_velocity\.knee'"):
+        from_block(labels, DATA[:, :-1])
 
 
 def test_notes_and_crush_map_arrive_with_the_last_block() -> None:

@@ -11,6 +11,7 @@ from mcap.reader import make_reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from helmet_sim_ros.errors import LogError
+from helmet_sim_ros.mcap_log.seal import unsealed
 from helmet_sim_ros.mcap_log.writer import LogWriter
 
 pytest.importorskip("rclpy", reason="message definitions come with ROS 2")
@@ -57,7 +58,8 @@ def test_a_log_has_its_name_only_when_it_is_complete(tmp_path: Path) -> None:
         reader = make_reader(stream, validate_crcs=True)
         ((_, channel, message),) = reader.iter_messages()
         assert (channel.topic, message.log_time) == ("/words", 5)
-        assert [item.metadata for item in reader.iter_metadata()] == [{"a": "b"}]
+        (run,) = reader.iter_metadata()
+        assert unsealed("run", run.metadata) == {"a": "b", "library": "helmet_sim_ros"}
         assert [item.data for item in reader.iter_attachments()] == [b"hello"]
 
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import os
+import random
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import yaml
 
@@ -18,12 +21,15 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
-from helmet_sim_ros.errors import SetupError
+from helmet_sim_ros.errors import IncompleteError, SetupError
+from helmet_sim_ros.mcap_log.blocks import Block
+from helmet_sim_ros.mcap_log.digest import setup_digest
 from helmet_sim_ros.model.helmet import Helmet, load_helmet
 from helmet_sim_ros.model.setup import ImpactSetup, setup_leaves
+from helmet_sim_ros.nodes import samples
 from helmet_sim_ros.nodes.parameters import NODE_OPTIONS, Parameters
 from helmet_sim_ros.nodes.setup_parameters import NOT_A_PARAMETER, SimulationConfig, declare
-from helmet_sim_ros.schema import leaves
+from helmet_sim_ros.schema import Leaf, leaves
 
 
 @pytest.fixture
@@ -187,3 +193,76 @@ def test_a_node_does_not_start_with_a_wrong_value(given: str, said: str) -> None
     with pytest.raises(SetupError) as refused:
         create(given)
     assert said in str(refused.value)
+
+
+STRANGE = (
+    "", "x" * 300, "x" * 5000, "../../etc/passwd", "a\nb", "\u202e", "\x00", "[" * 3000, "9" * 5000,
+    "{", "!!python/object:x {}", "&a [*a]", "1e400", math.nan, math.inf, -math.inf, -1, 2**62, True,
+    [1, 2, 3], [math.nan] * 3, ["a", "b"], [True], [b"a", b"b"], [0.1] * 1000,
+)  # fmt: skip
+
+
+def test_every_refusal_of_random_parameters_names_one_of_them() -> None:
+    """175 of 2147 refusals named none of the parameters that were set, and a text of brackets or of
+    digits left the client without any answer."""
+    node, rng = create(), random.Random(5)
+    leaves_by_name = {leaf.name: leaf for leaf in node.settings._leaves.values()}
+    refused = 0
+    for _ in range(400):
+        chosen = rng.sample(sorted(leaves_by_name), rng.randint(1, 3))
+        values = {
+            name: rng.choice(STRANGE) if rng.random() < 0.4 else usual(leaves_by_name[name], rng)
+            for name in chosen
+        }
+        before = node.setup
+        reason = node.change(**values)
+        if reason:
+            refused += 1
+            assert any(name in reason for name in chosen), (values, reason)
+            assert "unexpected" not in reason, (values, reason)
+            assert node.setup is before
+    assert 100 < refused < 390
+
+
+def usual(leaf: Leaf, rng: random.Random) -> Any:
+    """A value within its range, which may still not go with the others."""
+    if leaf.choices:
+        return rng.choice(leaf.choices)
+    if leaf.type is bool:
+        return rng.random() < 0.5
+    if leaf.type is tuple:
+        return [rng.uniform(0.05, 0.2) for _ in range(leaf.length or 1)]
+    if leaf.type in (float, int):
+        low = 0.0 if leaf.minimum is None else leaf.minimum
+        high = 10.0 if leaf.maximum is None else min(leaf.maximum, 1e4)
+        return leaf.type(rng.uniform(low, high))
+    return leaf.default
+
+
+@pytest.mark.parametrize(
+    "header", ['{"a":' * 10_000 + "1" + "}" * 10_000, "[" * 10_000, "9" * 5000]
+)
+def test_a_forged_message_is_refused_as_what_it_is(header: str) -> None:
+    """It was told as "a callback failed: RecursionError"."""
+    message = samples.to_message(
+        Block("a", 0, 1, 0.0, ("time",), np.zeros((1, 1)), setup={"impact.friction": 0.1})
+    )
+    assert samples.from_message(message).setup == {"impact.friction": 0.1}
+    message.layout.dim[0].label = header
+    with pytest.raises(IncompleteError, match="not a block of samples"):
+        samples.from_message(message)
+
+
+def test_a_setup_that_is_not_the_one_of_its_digest_is_refused() -> None:
+    """Nothing told that a setup had been changed on its way."""
+    setup = {"impact.friction": 0.1}
+    for change, right in (({}, True), ({"impact.friction": 0.2}, False)):
+        message = samples.to_message(
+            Block("a", 0, 1, 0.0, ("time",), np.zeros((1, 1)), setup=setup | change,
+                  setup_digest=setup_digest(setup))
+        )  # fmt: skip
+        if right:
+            assert samples.from_message(message).setup == setup
+            continue
+        with pytest.raises(IncompleteError, match="digest"):
+            samples.from_message(message)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import resource
+import shutil
 import signal
 from collections.abc import Iterator
 from pathlib import Path
@@ -23,6 +25,7 @@ from rosbags.typesys import Stores, get_typestore
 from helmet_sim_ros.biomech.evaluation import evaluate
 from helmet_sim_ros.biomech.record import ImpactRecord, same_samples
 from helmet_sim_ros.mcap_log import open_log
+from helmet_sim_ros.mcap_log.recover import recover
 from helmet_sim_ros.model.impact import simulate
 from helmet_sim_ros.model.setup import ImpactSetup, setup_from_names
 from helmet_sim_ros.nodes.diagnostics import to_evaluation
@@ -299,6 +302,44 @@ def test_a_simulation_that_starts_again_gets_a_file_of_its_own(rig: Rig, recorde
     assert finish(rig) == second != first
     for path in (first, second):
         assert len(open_log(path).impacts) == 1
+
+
+def test_a_folder_that_is_removed_while_recording_is_told(rig: Rig, recorder: Path) -> None:
+    """Impacts were told as recorded, and scenarios as evaluated, that were nowhere on disk."""
+    rig.recorded(rig.impact()["impact_id"])
+    shutil.rmtree(recorder)
+    lost = rig.impact()["impact_id"]
+    rig.until(lambda: "was removed" in rig.status["recorder"]["message"])
+    assert rig.status["recorder"]["level"] == "error"
+    assert rig.status["recorder"]["impact_id"] != lost
+    last = rig.impact()["impact_id"]  # life goes on, in a folder that is made again
+    rig.recorded(last)
+    assert [impact.impact_id for impact in open_log(finish(rig)).impacts] == [last]
+
+
+def test_a_full_disk_leaves_one_log_with_what_was_told_and_nothing_else(
+    rig: Rig, recorder: Path
+) -> None:
+    """Each impact made another empty ``.part``."""
+    first = rig.impact()["impact_id"]
+    path = rig.recorded(first)
+    part = path.with_name(path.name + ".part")
+    pid = rig.processes["recorder"].pid
+    none = resource.prlimit(
+        pid, resource.RLIMIT_FSIZE, (part.stat().st_size, resource.RLIM_INFINITY)
+    )
+    for _ in range(3):
+        rig.status.pop("recorder")
+        rig.impact()
+        rig.until(lambda: rig.status.get("recorder", {}).get("level") == "error")
+        resource.prlimit(pid, resource.RLIMIT_FSIZE, (100, resource.RLIM_INFINITY))
+    assert list(recorder.iterdir()) == [part]
+    recovered = recover(part)
+    assert recovered.impacts == 1 and open_log(recovered.path).impacts[0].impact_id == first
+    resource.prlimit(pid, resource.RLIMIT_FSIZE, none)
+    last = rig.impact()["impact_id"]
+    rig.recorded(last)
+    assert [impact.impact_id for impact in open_log(finish(rig)).impacts] == [last]
 
 
 # Last, because the simulation takes 20 s to notice that a reader was killed.

@@ -120,6 +120,33 @@ def test_a_video_has_the_pictures_that_were_asked_for(backend, path, tmp_path):
     assert lines[-1] > lines[len(lines) // 2] > lines[0]
 
 
+def test_a_video_can_be_given_its_name(backend, path, tmp_path):
+    """``-o v.mp4`` made a folder of that name."""
+    pytest.importorskip("imageio_ffmpeg")
+    video = tmp_path / "new" / "v.mp4"
+    result = subprocess.run(
+        [sys.executable, "-m", "helmet_sim_ros", "replay", str(path), "-o", str(video),
+         "--size", "64x64", "--slow", "5"],
+        env=os.environ | {"MUJOCO_GL": backend}, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert result.returncode == 0, result.stderr
+    assert list(video.parent.iterdir()) == [video] and b"ftyp" in video.read_bytes()[:16]
+
+
+def test_one_video_is_not_the_name_of_several(path, tmp_path, monkeypatch):
+    monkeypatch.setattr("helmet_sim_ros.report.replay.gl.choose_backend", lambda: "any")
+    two = tmp_path / "two.mcap"
+    write_log(two, [SETUP, SETUP])
+    for arguments, words in (
+        ([two, "-o", tmp_path / "v.mp4"], "for 2 impacts of 1 logs"),
+        ([two, path, "--impact", "1", "-o", tmp_path / "v.mp4"], "for 1 impacts of 2 logs"),
+        ([path, "-o", tmp_path / "v.avi"], "a video is an .mp4 file"),
+    ):
+        answer = CliRunner().invoke(main, ["replay", *map(str, arguments)])
+        assert answer.exit_code == 2 and words in answer.stderr, answer.output
+    assert list(tmp_path.iterdir()) == [two]
+
+
 def test_what_cannot_be_drawn_is_told(path, monkeypatch):
     monkeypatch.setenv("MUJOCO_GL", "nonsense")
     with pytest.raises(GraphicsError, match="libegl1"):

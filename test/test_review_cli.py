@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+import zlib
 
 import pytest
 
@@ -12,6 +13,7 @@ pytest.importorskip("rclpy", reason="logs for tests are written by the recorder'
 
 from click.testing import CliRunner
 from logs import add_impact, blocks, session, simulated, write_bag, write_log
+from mcap.reader import make_reader
 from rclpy.serialization import serialize_message
 
 from helmet_sim_ros import ImpactSetup, evaluate, open_log
@@ -96,6 +98,22 @@ def test_not_evaluated_and_not_logged_are_told_apart(tmp_path):
 def test_a_changed_model_is_an_error(path, tmp_path):
     changed = tmp_path / "changed.mcap"  # attachments are not compressed
     changed.write_bytes(path.read_bytes().replace(b"<mujoco", b"<Mujoco"))
+    answer = run("review", changed)
+    assert answer.exit_code == 1
+    assert "checksum of the attachment" in answer.output
+    assert all(i.model == j.model for i, j in zip(open_log(changed), open_log(path), strict=True))
+
+
+def test_another_model_under_the_same_name_is_an_error(path, tmp_path):
+    """Changed on purpose: the checksum is right, the hash in the name is not."""
+    changed = tmp_path / "changed.mcap"
+    data = path.read_bytes()
+    with open(path, "rb") as stream:
+        index, *_ = make_reader(stream).get_summary().attachment_indexes
+    begin, end = index.offset + 9, index.offset + index.length - 4
+    content = data[begin:end].replace(b"<mujoco", b"<Mujoco")
+    crc = zlib.crc32(content).to_bytes(4, "little")
+    changed.write_bytes(data[:begin] + content + crc + data[end + 4 :])
     answer = run("review", changed)
     assert answer.exit_code == 1
     assert "was changed" in answer.output

@@ -22,6 +22,7 @@ from helmet_sim_ros.biomech.record import same_samples
 from helmet_sim_ros.errors import LogError
 from helmet_sim_ros.mcap_log.blocks import Assembled
 from helmet_sim_ros.mcap_log.layout import FORMAT_VERSION
+from helmet_sim_ros.mcap_log.seal import sealed
 from helmet_sim_ros.nodes import samples
 
 SETUPS = [
@@ -179,7 +180,7 @@ def _rewrite(source: Path, target: Path, change=lambda kind, record: record, **o
                 )
             elif kind is Metadata:
                 writer.flush()
-                writer.add_metadata(record.name, record.metadata)
+                writer.add_metadata(record.name, sealed(record.name, record.metadata))
         writer.finish()
 
 
@@ -226,8 +227,8 @@ def test_foreign_contents_are_told_in_a_sentence(path, tmp_path):
         "schema": (_changed(Channel__schema_id=lambda r: 0), "schema\\) is missing"),
         "encoding": (_changed(Channel__message_encoding=lambda r: "json"), "expected ros2msg"),
         "definition": (_changed(Schema__data=lambda r: b"}{"), "cannot be understood"),
-        "newer": (_changed(Metadata__metadata=lambda r: r.metadata | {"format": "2"}
-                           if r.name == "run" else r.metadata), "log format 2"),
+        "newer": (_changed(Metadata__metadata=lambda r: r.metadata | {"format": "3"}
+                           if r.name == "run" else r.metadata), "log format 3"),
         "note": (_changed(Metadata__metadata=lambda r: {"start_time": "soon"}
                           if r.name != "run" else r.metadata), "metadata impact/test-0: damaged"),
         "clocks": (_changed(Message__log_time=lambda r: r.log_time + WALL * (r.channel_id == 3)),

@@ -121,6 +121,10 @@ def test_a_relative_path_without_folder_is_a_path(tmp_path, monkeypatch):
         ("[1, 2]", ["mapping"]),
         ("cases: []", ["cases", "empty"]),
         ("common: {impact.friction: 0.3}", ["cases", "empty"]),
+        (
+            f"product: {{impact.friction: {[0.1] * 9000}, impact.gravity: {[9.0] * 9000}}}",
+            ["cases = 81000000", "at most 20000 cases"],
+        ),
         ("product: {impact.friction: []}", ["product", "impact.friction", "at least one"]),
         ("cases: 3", ["cases = 3", "must be a list"]),
         ("cases: [3]", ["cases = 3"]),

@@ -176,7 +176,7 @@ def test_nodes_do_not_outlive_a_killed_command(start, when):
 
 def test_up_serves_impacts_and_scenarios_until_ctrl_c(start, tmp_path):
     """One set of nodes for all that a client may ask of them."""
-    up = start("up")
+    up = start("up", "--config-path", str(tmp_path))
     wait_until_up()
 
     impact = start(

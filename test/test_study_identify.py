@@ -129,6 +129,47 @@ def test_a_table_gives_back_the_drop_tests(kind: str, tmp_path: Path) -> None:
         assert 0.5 < result.energy_loss < 1.0 and not result.notes
 
 
+def test_a_loop_that_is_none_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "loops.csv"
+    head = "direction,normal_velocity_m_s,force_N,compression_m\n"
+    for samples, words in (
+        ("front,5,9000,0.02\n", "energy_loss = nan"),
+        ("front,5,0,0\nfront,5,3000,0.02\nfront,5,9000,0.02\nfront,5,9000,0\n", "= -"),
+    ):
+        path.write_text(head + samples)
+        with pytest.raises(SetupError, match=f"rows from 2.*{words}"):
+            read_drop_table(path)
+
+
+def test_optional_columns_are_read_each_into_its_own_value(tmp_path: Path) -> None:
+    """In any order of the columns, with gaps, and with whatever else stands in the table."""
+    path = tmp_path / "drops.csv"
+    path.write_text(
+        "peak_g,direction,normal_velocity_m_s,remark,restitution,peak_force_N,peak_compression_m,"
+        "energy_loss\n"
+        "101.5,front,5.0,first,0.31,8000,0.02,0.62\n"
+        ",back,6.0,second,nan,9000,0.025, \n"
+        "150,top,7.0,third,,10000,0.03,0.7\n"
+    )
+    first, second, third = read_drop_table(path)
+    assert (first.peak_g, first.restitution, first.energy_loss) == (101.5, 0.31, 0.62)
+    assert (first.peak_force, first.peak_compression) == (8000.0, 0.02)
+    assert np.isnan([second.peak_g, second.restitution, second.energy_loss]).all()
+    assert (third.peak_g, third.energy_loss) == (150.0, 0.7) and np.isnan(third.restitution)
+    again = tmp_path / "again.csv"
+    write_drop_table([first, second, third], again)
+    for read, written in zip(read_drop_table(again), (first, second, third), strict=True):
+        for name in ("peak_g", "restitution", "energy_loss"):
+            assert np.array_equal(getattr(read, name), getattr(written, name), equal_nan=True)
+    for bad, words in (("much", "restitution = 'much': must be a number"), ("inf", "finite")):
+        path.write_text(
+            "direction,normal_velocity_m_s,peak_force_N,peak_compression_m,restitution\n"
+            f"front,5.0,8000,0.02,{bad}\n"
+        )
+        with pytest.raises(SetupError, match=words):
+            read_drop_table(path)
+
+
 def table(tmp_path: Path, *changes: tuple[str, str]) -> Path:
     path = tmp_path / "drops.csv"
     write_drop_table(synthetic(), path)

@@ -123,6 +123,19 @@ def test_what_follows_from_the_design_cannot_be_varied():
         make_design(HELMET, {"mass": 1.0}, RULES)
 
 
+def test_limits_that_only_one_corner_of_the_ranges_meets_are_no_error(plan):
+    """The points that fill the ranges come near a corner and never into it."""
+    file = plan()
+    low = {name: bounds[0] for name, bounds in file.file.variables.items()}
+    high = {name: bounds[1] for name, bounds in file.file.variables.items()}
+    for corner, sense in ((low, "at_most"), (high, "at_least")):
+        mass = file.design(corner).quantities["helmet_mass"]
+        assert plan(constraints=[{"of": "helmet_mass", sense: mass}])
+        beyond = mass * (1.0 - 1e-6) if sense == "at_most" else mass * (1.0 + 1e-6)
+        with pytest.raises(SetupError, match="nothing in the ranges of the variables"):
+            plan(constraints=[{"of": "helmet_mass", sense: beyond}])
+
+
 def test_the_search_finds_the_corner_that_is_lightest(plan, tmp_path):
     limits = [{"of": "max_density", "at_least": 50.0}]
     mine = plan(objectives=[{"minimise": "helmet_mass"}], constraints=limits, trials=40)

@@ -26,8 +26,8 @@ def crashed(normal: float, x: float, y: float, azimuth: float, elevation: float)
             "normal_velocity": normal,
             "tangential_velocity": float(np.hypot(x, y)),
             "tangential_heading_deg": float(np.degrees(np.arctan2(y, x))),
-            "site_azimuth_deg": azimuth,
-            "site_elevation_deg": elevation,
+            "azimuth_deg": azimuth,
+            "elevation_deg": elevation,
         }
     )
 
@@ -86,24 +86,6 @@ def test_places_about_the_scene_turn_by_their_angles() -> None:
     assert elevation == pytest.approx([0.0, 0.0, 10.0])
     setup = setup_of(about, np.array([5.0, 3.0, 4.0, 0.0, 0.0]))
     assert (setup.normal_velocity, setup.tangential_velocity) == pytest.approx((5.0, 5.0))
-
-
-def test_a_site_may_be_any_and_the_five_directions_are_sites() -> None:
-    from helmet_sim_ros.model.placement import head_in_frame
-
-    for direction, azimuth, elevation in (
-        ("front", 0, 0), ("left", 90, 0), ("back", 180, 0), ("right", -90, 0), ("top", 180, 90),
-    ):  # fmt: skip
-        named = head_in_frame(ImpactSetup(rig="headform", direction=direction))
-        sited = head_in_frame(
-            ImpactSetup(rig="headform", site_azimuth_deg=float(azimuth),
-                        site_elevation_deg=float(elevation))
-        )  # fmt: skip
-        assert sited == pytest.approx(named, abs=1e-12), direction
-    with pytest.raises(SetupError, match=r"site_azimuth_deg = 10.0: is for the rig headform"):
-        ImpactSetup(rig="rider", site_azimuth_deg=10.0)
-    with pytest.raises(SetupError, match="needs site_azimuth_deg"):
-        ImpactSetup(rig="headform", site_elevation_deg=10.0)
 
 
 @pytest.mark.parametrize(

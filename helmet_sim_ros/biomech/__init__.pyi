@@ -26,6 +26,8 @@ from helmet_sim_ros.biomech.linear import hic_d as hic_d
 from helmet_sim_ros.biomech.linear import pulse_duration as pulse_duration
 from helmet_sim_ros.biomech.linear import sfc as sfc
 from helmet_sim_ros.biomech.linear import velocity_change as velocity_change
+from helmet_sim_ros.biomech.measured import MeasuredPulse as MeasuredPulse
+from helmet_sim_ros.biomech.measured_csv import read_pulse as read_pulse
 from helmet_sim_ros.biomech.neck import NeckLoads as NeckLoads
 from helmet_sim_ros.biomech.neck import neck_loads as neck_loads
 from helmet_sim_ros.biomech.record import ImpactRecord as ImpactRecord

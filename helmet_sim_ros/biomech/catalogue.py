@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from helmet_sim_ros.errors import PulseError
+from helmet_sim_ros.errors import PulseError, did_you_mean
 
 
 class Entry(NamedTuple):
@@ -133,5 +133,6 @@ def entry(name: str) -> Entry:
         import difflib
 
         near = difflib.get_close_matches(name, CATALOGUE, 3) or list(CATALOGUE)
-        raise PulseError(f"unknown criterion {name!r}; known: {', '.join(near)}")
+        hint = did_you_mean(name, CATALOGUE)
+        raise PulseError(f"unknown criterion {name!r}; known: {', '.join(near)}{hint}")
     return Entry("s", f"time above {threshold:g} g" + " (CFC 1000)" * name.endswith("_cfc1000"))

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 from helmet_sim_ros.biomech.catalogue import CATALOGUE, entry
+from helmet_sim_ros.biomech.measured import MeasuredPulse
 from helmet_sim_ros.biomech.measures import measure
 from helmet_sim_ros.biomech.record import ImpactRecord
 from helmet_sim_ros.biomech.result import Criterion, Evaluation
@@ -23,7 +24,9 @@ SPEED_TOLERANCE = 0.02
 
 
 def evaluate(
-    record: ImpactRecord, standard: str | None = None, criteria: Iterable[str] | None = None
+    record: ImpactRecord | MeasuredPulse,
+    standard: str | None = None,
+    criteria: Iterable[str] | None = None,
 ) -> Evaluation:
     """The criteria of an impact, judged by a standard.
 
@@ -31,7 +34,8 @@ def evaluate(
     criterion whatever else is asked for.
 
     Args:
-        record: the complete impact. All its channels are checked, whatever is asked for.
+        record: the complete impact, all of whose channels are checked, whatever is asked for; or
+            a measured pulse, which gives the criteria of what was measured.
         standard: name in ``config/standards``, or path of a YAML file; None: the limits of
             ECE R22.05 that the coupling paper quotes, whatever the impact's speed.
         criteria: names of the criteria to compute beside those that the standard limits;

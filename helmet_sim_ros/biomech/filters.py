@@ -23,6 +23,9 @@ from helmet_sim_ros.errors import PulseError
 CORNER = 2.0775
 #: Fewest samples per second over the class (SAE J211-1: ten times the class, 10 kHz for CFC 1000).
 SAMPLES_PER_CLASS = 10.0
+#: Most samples for which the filter settles behind the signal: CFC 60 at 20 MHz (a choice, so that
+#: a time step in the wrong unit does not fill the memory).
+LONGEST_TAIL = 1_000_000
 #: What a transient of the first pass has decayed to where the second starts.
 SETTLED = 1e-12
 
@@ -39,7 +42,8 @@ def cfc_coefficients(channel_class: float, time_step: float) -> tuple[FloatArray
         time_step: sampling interval [s].
 
     Raises:
-        PulseError: not a number above 0, or the corner is beyond the Nyquist frequency.
+        PulseError: not a number above 0, the corner is beyond the Nyquist frequency, or so low that
+            the filter would take more than ``LONGEST_TAIL`` samples to settle.
     """
     corner = 2.0 * math.pi * CORNER * positive("channel_class", channel_class, "Hz")
     half_turn = 0.5 * corner * positive("time_step", time_step)
@@ -47,6 +51,11 @@ def cfc_coefficients(channel_class: float, time_step: float) -> tuple[FloatArray
         raise PulseError(
             f"time_step = {time_step:g} s: too coarse for CFC {channel_class:g}, whose corner is "
             "beyond half the sampling rate"
+        )
+    if _settling(corner, time_step) > LONGEST_TAIL:
+        raise PulseError(
+            f"time_step = {time_step:g} s: too fine for CFC {channel_class:g}, which would take "
+            f"more than {LONGEST_TAIL} samples to settle"
         )
     w = math.tan(half_turn)
     scale = 1.0 + math.sqrt(2.0) * w + w * w
@@ -119,7 +128,9 @@ class _Design(NamedTuple):
 @lru_cache(maxsize=32)
 def _design(channel_class: float, time_step: float) -> _Design:
     b, a = cfc_coefficients(channel_class, time_step)
-    # The transient decays with the real part of the poles, corner / sqrt(2).
-    corner = 2.0 * math.pi * CORNER * channel_class
-    tail = math.ceil(-math.log(SETTLED) * math.sqrt(2.0) / (corner * time_step))
-    return _Design(b, a, tail)
+    return _Design(b, a, math.ceil(_settling(2.0 * math.pi * CORNER * channel_class, time_step)))
+
+
+def _settling(corner: float, time_step: float) -> float:
+    """Samples until a transient has decayed, with the real part of the poles, corner / sqrt(2)."""
+    return -math.log(SETTLED) * math.sqrt(2.0) / (corner * time_step)

@@ -7,7 +7,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from helmet_sim_ros.biomech.pulse import FloatArray, finite_array, magnitude, positive
+from helmet_sim_ros.biomech.pulse import (
+    FloatArray,
+    finite_array,
+    magnitude,
+    positive,
+    real_number,
+    same_length,
+)
 
 #: Share of the peak normal force below which no instantaneous force ratio is formed: at first
 #: touch and lift-off both forces vanish and their quotient says nothing.
@@ -156,9 +163,9 @@ def bottoming(peak_compression: float, thickness: float) -> float:
     EPS densifies from a share of about 0.6 to 0.7 on (general literature value).
 
     Raises:
-        PulseError: a thickness that is not above 0.
+        PulseError: not a number, or a thickness that is not above 0.
     """
-    return peak_compression / positive("thickness", thickness, "m")
+    return real_number("peak_compression", peak_compression) / positive("thickness", thickness, "m")
 
 
 def coupling_energy(coupling_force: ArrayLike, coupling_displacement: ArrayLike) -> Energy:
@@ -173,12 +180,12 @@ def coupling_energy(coupling_force: ArrayLike, coupling_displacement: ArrayLike)
         coupling has absorbed once it is unloaded.
 
     Raises:
-        PulseError: wrong shape, or a value that is not finite.
+        PulseError: wrong or different shapes, or a value that is not finite.
     """
-    return work(
-        finite_array("coupling_force", coupling_force, 3),
-        finite_array("coupling_displacement", coupling_displacement, 3),
-    )
+    force = finite_array("coupling_force", coupling_force, 3)
+    displacement = finite_array("coupling_displacement", coupling_displacement, 3)
+    same_length(coupling_force=force, coupling_displacement=displacement)
+    return work(force, displacement)
 
 
 def work(force: FloatArray, displacement: FloatArray) -> Energy:

@@ -14,6 +14,7 @@ from helmet_sim_ros.biomech.pulse import (
     FloatArray,
     magnitude,
     positive,
+    real_number,
     resultant_g,
 )
 from helmet_sim_ros.errors import PulseError
@@ -83,7 +84,7 @@ def kept_level(resultant: FloatArray, time_step: float, lags: float) -> Span:
     run = max(int(lags + 1e-9), 1)  # samples inside an interval; some hold one more
     lowest = _window_minima(resultant, run)
     # The best interval from sample to sample: a better one lies among samples as high as that.
-    more = min(math.ceil(lags - 1e-9) + 1, n) - run  # 1 or 2
+    more = min(max(math.ceil(lags - 1e-9), 1) + 1, n) - run  # 1 or 2
     count = len(lowest) - more
     least = np.minimum(np.minimum(lowest[:count], lowest[1 : 1 + count]), lowest[more:]).max()
     high = (resultant >= least).nonzero()[0]
@@ -133,7 +134,7 @@ def pulse_duration(
     Raises:
         PulseError: bad signal or argument.
     """
-    if not 0.0 < level < 1.0:
+    if not 0.0 < real_number("level", level) < 1.0:
         raise PulseError(f"level = {level!r}: must be above 0 and below 1")
     return span_about_peak(resultant_g(acceleration_g, time_step), float(time_step), level)
 

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from helmet_sim_ros.biomech import catalogue, helmet, linear, neck, risk, rotation
 from helmet_sim_ros.biomech.hic import maximum_window
+from helmet_sim_ros.biomech.measured import MeasuredPulse, MeasuredSignals
 from helmet_sim_ros.biomech.pulse import FloatArray
 from helmet_sim_ros.biomech.record import ImpactRecord
 from helmet_sim_ros.biomech.result import Criterion
@@ -37,14 +38,14 @@ Formula = Callable[[Any], Found]
 
 
 def measure(
-    record: ImpactRecord, wanted: Iterable[str]
+    record: ImpactRecord | MeasuredPulse, wanted: Iterable[str]
 ) -> tuple[dict[str, Criterion], tuple[str, ...]]:
     """The wanted criteria of a record, as far as it gives them, and what weakens them, in words.
 
     A value does not depend on what else is wanted.
 
     Args:
-        record: the impact.
+        record: the impact, or what was measured of one.
         wanted: names, in any order.
 
     Returns:
@@ -54,7 +55,7 @@ def measure(
         PulseError: unknown name, or the record is refused (see :class:`RawSignals`).
     """
     plan = _plan(tuple(wanted))
-    raw = RawSignals(record)
+    raw = MeasuredSignals(record) if isinstance(record, MeasuredPulse) else RawSignals(record)
     filtered = FilteredSignals(raw)
     criteria, warnings = {}, []
     start = float(record.time[0])

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from helmet_sim_ros.biomech.pulse import FloatArray, finite_array
+from helmet_sim_ros.biomech.pulse import FloatArray, finite_array, same_length
 
 
 class NeckLoads(NamedTuple):
@@ -36,10 +36,11 @@ def neck_loads(neck_force: ArrayLike, neck_torque: ArrayLike) -> NeckLoads:
         neck_torque: moment about the head-neck joint, shape (n, 3) [N m].
 
     Raises:
-        PulseError: wrong shape, or a value that is not finite.
+        PulseError: wrong or different shapes, or a value that is not finite.
     """
     force = finite_array("neck_force", neck_force, 3)
     torque = finite_array("neck_torque", neck_torque, 3)
+    same_length(neck_force=force, neck_torque=torque)
     return NeckLoads(
         compression(force), tension(force), across(force), across(torque), torsion(torque)
     )

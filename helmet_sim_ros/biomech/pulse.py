@@ -25,6 +25,13 @@ TIME_JITTER = 1e-3
 IMPLAUSIBLE_SEVERITY = 1e5
 
 
+#: Largest amount of any value of a signal, in SI units or g, and the smallest and largest of an
+#: argument: far beyond every impact, and far inside what formulas with squares and powers of 2.84
+#: can compute (a choice).
+LARGEST_VALUE = 1e15
+SMALLEST_ARGUMENT = 1e-12
+
+
 def finite_array(name: str, values: ArrayLike, *columns: int, minimum: int = 2) -> FloatArray:
     """The values as a float array, checked; a table (n, m) is stored column by column.
 
@@ -35,7 +42,8 @@ def finite_array(name: str, values: ArrayLike, *columns: int, minimum: int = 2) 
         minimum: fewest samples.
 
     Raises:
-        PulseError: not numbers, wrong shape, too few samples, NaN or infinity.
+        PulseError: not numbers, wrong shape, too few samples, NaN, infinity or beyond
+            ``LARGEST_VALUE``.
     """
     allowed = columns or (0,)
     try:
@@ -45,7 +53,7 @@ def finite_array(name: str, values: ArrayLike, *columns: int, minimum: int = 2) 
         # One order in memory: sums of the same samples have the same bits. That of columns, since
         # every criterion works along the samples.
         array = np.asarray(given, dtype=np.float64, order="F")
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise PulseError(f"{name}: must be an array of real numbers") from None
     width = {1: 0}.get(array.ndim, array.shape[1] if array.ndim == 2 else -1)
     if width not in allowed:
@@ -53,24 +61,60 @@ def finite_array(name: str, values: ArrayLike, *columns: int, minimum: int = 2) 
         raise PulseError(f"{name}: shape {array.shape}, expected {shapes}")
     if len(array) < minimum:
         raise PulseError(f"{name}: {len(array)} samples, at least {minimum} are needed")
-    if not np.isfinite(array).all():
-        row = int(np.argwhere(~np.isfinite(array))[0][0])
-        raise PulseError(f"{name}: not finite at sample {row} ({array[row]})")
+    if not (array.max() <= LARGEST_VALUE and array.min() >= -LARGEST_VALUE):
+        finite = np.isfinite(array)
+        wrong = ~(np.abs(array) <= LARGEST_VALUE) if finite.all() else ~finite
+        row = int(np.argwhere(wrong)[0][0])
+        what = f"beyond {LARGEST_VALUE:g}" if finite.all() else "not finite"
+        raise PulseError(f"{name}: {what} at sample {row} ({array[row]})")
     return array
 
 
+def same_length(**signals: FloatArray) -> None:
+    """Refuse signals of different numbers of samples.
+
+    Raises:
+        PulseError: names the first that differs from the one before.
+    """
+    (first, wanted), *others = signals.items()
+    for name, signal in others:
+        if len(signal) != len(wanted):
+            raise PulseError(f"{name}: {len(signal)} samples, {first} has {len(wanted)}")
+
+
 def positive(name: str, value: float, unit: str = "s") -> float:
-    """A finite number above 0.
+    """A number above 0, from ``SMALLEST_ARGUMENT`` to ``LARGEST_VALUE``.
 
     Raises:
         PulseError: it is not; names the argument.
     """
     try:
         number = float(value)
-    except (TypeError, ValueError):
-        raise PulseError(f"{name} = {value!r}: must be a number above 0 {unit}") from None
+    except (TypeError, ValueError, OverflowError):
+        raise PulseError(f"{name} = {value!r:.80}: must be a number above 0 {unit}") from None
     if not (math.isfinite(number) and number > 0.0):
         raise PulseError(f"{name} = {value!r}: must be a finite number above 0 {unit}")
+    if not SMALLEST_ARGUMENT <= number <= LARGEST_VALUE:
+        raise PulseError(
+            f"{name} = {value!r}: must be from {SMALLEST_ARGUMENT:g} to {LARGEST_VALUE:g} {unit}"
+        )
+    return number
+
+
+def real_number(name: str, value: float) -> float:
+    """A number that is not NaN; infinity is one.
+
+    Raises:
+        PulseError: it is none; names the argument.
+    """
+    try:
+        number = float(value)
+    except OverflowError:  # an integer beyond every float
+        return math.inf if value > 0 else -math.inf
+    except (TypeError, ValueError):
+        number = math.nan
+    if math.isnan(number):
+        raise PulseError(f"{name} = {value!r:.80}: must be a number")
     return number
 
 

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from helmet_sim_ros.errors import PulseError
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
 
 FloatArray = NDArray[np.float64]
 
@@ -35,7 +39,7 @@ CHANNELS: Mapping[str, tuple[tuple[str, ...], str]] = {
 }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class ImpactRecord:
     """All samples of one impact. Row ``i`` of every array belongs to ``time[i]``.
 
@@ -117,6 +121,41 @@ class ImpactRecord:
     def __len__(self) -> int:
         return len(self.time)
 
+    def frame(self) -> pd.DataFrame:
+        """The samples as a pandas table, one column per component, the index is time [s].
+
+        Units are in ``frame.attrs["units"]``, the setup in ``frame.attrs["setup"]``.
+
+        Raises:
+            MissingExtraError: pandas is not installed.
+        """
+        from helmet_sim_ros.present.frames import sample_frame
+
+        return sample_frame(self)
+
+    def plot(self) -> Figure:
+        """The histories of the impact as a matplotlib figure, which a notebook shows.
+
+        Raises:
+            MissingExtraError: matplotlib is not installed.
+        """
+        from helmet_sim_ros.present.extra import need
+
+        need("matplotlib.figure", "report")
+        from helmet_sim_ros.present.figure import record_figure
+
+        return record_figure(self)
+
+    def __repr__(self) -> str:
+        from helmet_sim_ros.present.words import record_text
+
+        return record_text(self)
+
+    def _repr_html_(self) -> str:
+        from helmet_sim_ros.present.html import record_html
+
+        return record_html(self)
+
 
 def block_labels(joint_names: tuple[str, ...]) -> list[str]:
     """Column names of :func:`to_block`: ``time``, ``head_acceleration.x``, ...,
@@ -173,15 +212,15 @@ def from_block(
                 arrays[name] = arrays["ground_force"] * np.array([1.0, 1.0, 0.0])
                 continue
             arrays[name] = block[:, [column[f"{name}.{c}"] for c in components]]
+        prefix = "joint_position."
+        joints = tuple(label[len(prefix) :] for label in labels if label.startswith(prefix))
+        arrays["joint_positions"] = block[:, [column[f"joint_position.{j}"] for j in joints]]
+        arrays["joint_velocities"] = block[:, [column[f"joint_velocity.{j}"] for j in joints]]
     except KeyError as missing:
         raise PulseError(f"samples: no column {missing}") from None
-    prefix = "joint_position."
-    joints = tuple(label[len(prefix) :] for label in labels if label.startswith(prefix))
     return ImpactRecord(
         **arrays,
         joint_names=joints,
-        joint_positions=block[:, [column[f"joint_position.{j}"] for j in joints]],
-        joint_velocities=block[:, [column[f"joint_velocity.{j}"] for j in joints]],
         setup=dict(setup or {}),
         extras=dict(extras or {}),
     )

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
-from helmet_sim_ros.errors import PulseError
+from helmet_sim_ros.errors import PulseError, did_you_mean
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Verdict = Literal["pass", "fail", "info"]
 
@@ -44,7 +48,7 @@ class Criterion:
         return self.value
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Evaluation:
     """All criteria of one impact, judged by one standard.
 
@@ -73,9 +77,32 @@ class Evaluation:
     def __getattr__(self, name: str) -> Criterion:
         criteria = self.__dict__.get("criteria", {})
         if name not in criteria:
-            known = f"; criteria: {', '.join(criteria)}" if criteria else ""
-            raise AttributeError(f"{type(self).__name__} has no criterion {name!r}{known}")
+            hint = did_you_mean(name, criteria)
+            known = f"; criteria: {', '.join(criteria)}" if criteria and not hint else ""
+            raise AttributeError(f"{type(self).__name__} has no criterion {name!r}{hint or known}")
         return criteria[name]  # type: ignore[no-any-return]
+
+    def frame(self) -> pd.DataFrame:
+        """One row per criterion as a pandas table: value, unit, window, limit, verdict, ...
+
+        Units are also in ``frame.attrs["units"]``.
+
+        Raises:
+            MissingExtraError: pandas is not installed.
+        """
+        from helmet_sim_ros.present.frames import criteria_frame
+
+        return criteria_frame(self)
+
+    def __repr__(self) -> str:
+        from helmet_sim_ros.present.words import evaluation_text
+
+        return evaluation_text(self)
+
+    def _repr_html_(self) -> str:
+        from helmet_sim_ros.present.html import evaluation_html
+
+        return evaluation_html(self)
 
     def as_dict(self) -> dict[str, Any]:
         """Plain JSON types; see ``config/evaluation.schema.json``."""
@@ -104,13 +131,13 @@ class Evaluation:
         """
         try:
             return cls(
-                standard=data["standard"],
-                title=data["title"],
+                standard=_text(data["standard"]),
+                title=_text(data["title"]),
                 criteria={name: _criterion(entry) for name, entry in data["criteria"].items()},
-                messages=tuple(data["messages"]),
-                warnings=tuple(data["warnings"]),
+                messages=tuple(map(_text, data["messages"])),
+                warnings=tuple(map(_text, data["warnings"])),
             )
-        except (KeyError, TypeError, AttributeError, ValueError) as error:
+        except (LookupError, TypeError, AttributeError, ValueError, OverflowError) as error:
             raise PulseError(f"evaluation: not the data of an evaluation: {error!r}") from None
 
     @classmethod
@@ -122,14 +149,35 @@ class Evaluation:
         """
         try:
             data = json.loads(text)
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             raise PulseError(f"evaluation: not JSON: {error}") from None
         return cls.from_dict(data)
 
 
 def _criterion(entry: Mapping[str, Any]) -> Criterion:
     known = {f.name: entry[f.name] for f in fields(Criterion) if f.name in entry}
-    window = known.get("window")
-    if window is not None:
-        known["window"] = (float(window[0]), float(window[1]))
-    return Criterion(**known | {"value": float(known["value"])})
+    for name in ("name", "unit", "note", "source"):
+        _text(known.get(name, ""))
+    if known.get("verdict", "info") not in get_args(Verdict):
+        raise ValueError(f"verdict {known['verdict']!r:.80}")
+    if not isinstance(known.get("verified"), bool | None):
+        raise TypeError("verified must be true, false or null")
+    for name in ("time", "limit"):
+        if known.get(name) is not None:
+            known[name] = _finite(known[name])
+    if known.get("window") is not None:
+        begin, end = known["window"]
+        known["window"] = _finite(begin), _finite(end)
+    return Criterion(**known | {"value": _finite(known["value"])})
+
+
+def _text(value: Any) -> str:
+    if not isinstance(value, str):
+        raise TypeError(f"{value!r:.80} is no text")
+    return value
+
+
+def _finite(value: Any) -> float:
+    if type(value) not in (int, float) or not math.isfinite(value):
+        raise TypeError(f"{value!r:.80} is no finite number")
+    return float(value)

@@ -8,6 +8,13 @@ values of the sources named beside them.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import TypeVar
+
+from helmet_sim_ros.biomech.pulse import real_number
+from helmet_sim_ros.errors import PulseError
+
+Constants = TypeVar("Constants")
 
 #: For whom the curves were derived, for the note of every risk.
 POPULATION_HIC = "informative: derived from unhelmeted cadaver heads and car occupants"
@@ -32,11 +39,27 @@ PRASAD_MERTZ = {
 #: k of 1 - exp(-(BrIC / k)^2.84) by least AIS, for the MPS-based BrIC (Takhounts et al., 2013).
 BRIC_SCALE = {1: 0.120, 2: 0.602, 3: 0.987, 4: 1.204, 5: 1.252}
 BRIC_EXPONENT = 2.84
+#: Ratio of BrIC to its scale from which on a risk is 1 in every digit, so that no power overflows.
+CERTAIN = 10.0
+
+
+def _curve(curves: Mapping[int, Constants], ais: int) -> Constants:
+    try:
+        return curves[ais]
+    except (KeyError, TypeError):
+        raise PulseError(
+            f"ais = {ais!r:.80}: must be one of {', '.join(map(str, curves))}"
+        ) from None
 
 
 def risk_lognormal(hic15: float, ais: int) -> float:
-    """Probability [-] of an injury of at least ``ais`` (2 to 4) by the lognormal curves."""
-    mean, deviation = LOGNORMAL[ais]
+    """Probability [-] of an injury of at least ``ais`` (2 to 4) by the lognormal curves.
+
+    Raises:
+        PulseError: not a number, or there is no curve for ``ais``; so do the others.
+    """
+    mean, deviation = _curve(LOGNORMAL, ais)
+    hic15 = real_number("hic15", hic15)
     if hic15 <= 0.0:
         return 0.0
     return 0.5 * math.erfc(-(math.log(hic15) - mean) / (deviation * math.sqrt(2.0)))
@@ -44,7 +67,8 @@ def risk_lognormal(hic15: float, ais: int) -> float:
 
 def risk_prasad_mertz(hic15: float, ais: int) -> float:
     """Probability [-] of an injury of at least ``ais`` (1 to 5; 6: death), expanded curves."""
-    a, b = PRASAD_MERTZ[ais]
+    a, b = _curve(PRASAD_MERTZ, ais)
+    hic15 = real_number("hic15", hic15)
     if hic15 <= 0.0:
         return 0.0
     exponent = a + 200.0 / hic15 - b * hic15
@@ -53,4 +77,5 @@ def risk_prasad_mertz(hic15: float, ais: int) -> float:
 
 def risk_bric(bric_mps: float, ais: int) -> float:
     """Probability [-] of a brain injury of at least ``ais`` (1 to 5) from the MPS-based BrIC."""
-    return -math.expm1(-((max(bric_mps, 0.0) / BRIC_SCALE[ais]) ** BRIC_EXPONENT))
+    ratio = min(max(real_number("bric_mps", bric_mps), 0.0) / _curve(BRIC_SCALE, ais), CERTAIN)
+    return -math.expm1(-(ratio**BRIC_EXPONENT))

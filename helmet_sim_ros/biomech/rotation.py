@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import expm
 
 from helmet_sim_ros.biomech.hic import Hic, maximum_window
-from helmet_sim_ros.biomech.pulse import FloatArray, finite_array, magnitude, positive
+from helmet_sim_ros.biomech.pulse import FloatArray, finite_array, magnitude, positive, same_length
 from helmet_sim_ros.biomech.recursion import recursion, weighted
 from helmet_sim_ros.errors import PulseError
 
@@ -120,7 +120,7 @@ def bric(
     Raises:
         PulseError: bad signal, or an unknown set.
     """
-    if critical not in BRIC_CRITICAL:
+    if not isinstance(critical, str) or critical not in BRIC_CRITICAL:
         raise PulseError(f"critical = {critical!r}: must be one of {', '.join(BRIC_CRITICAL)}")
     return bric_of(axis_peaks(finite_array("angular_velocity", angular_velocity, 3)), critical)
 
@@ -150,6 +150,7 @@ def ubric(angular_velocity: ArrayLike, angular_acceleration: ArrayLike) -> float
     """
     omega = finite_array("angular_velocity", angular_velocity, 3)
     alpha = finite_array("angular_acceleration", angular_acceleration, 3)
+    same_length(angular_velocity=omega, angular_acceleration=alpha)
     return ubric_of(omega, alpha)
 
 

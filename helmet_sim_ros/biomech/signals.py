@@ -230,7 +230,7 @@ class FilteredSignals(Signals):
         warning: what weakens them; empty before any was asked for.
     """
 
-    def __init__(self, raw: RawSignals) -> None:
+    def __init__(self, raw: Signals) -> None:
         self.step = raw.step
         self.warning = ""
         self._raw = raw

@@ -38,6 +38,7 @@ class Verbs(click.Group):
             return None
         module = import_module(f"{__name__}.{cmd_name}")
         command: click.Command = module.command
+        command.name = cmd_name
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:

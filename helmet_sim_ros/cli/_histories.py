@@ -10,6 +10,7 @@ from rclpy.serialization import serialize_message
 
 from helmet_sim_ros.biomech.evaluation import evaluate
 from helmet_sim_ros.mcap_log.blocks import Assembled, Block
+from helmet_sim_ros.mcap_log.digest import setup_digest
 from helmet_sim_ros.model.impact import Impact
 from helmet_sim_ros.model.setup import setup_from_names
 from helmet_sim_ros.nodes import diagnostics, samples
@@ -73,14 +74,16 @@ def _add(
     impact.advance(impact.total)
     record = impact.record()
     name = f"{result.study.name}-{row.index:06d}"
+    described = impact.setup.described()
+    digest = setup_digest(described)
     block = Block(
         name, 0, impact.total, start, tuple(impact.labels), impact.block(0, impact.total),
-        setup=impact.setup.described(), model=impact.model_xml(),
+        setup=described, setup_digest=digest, model=impact.model_xml(),
     )  # fmt: skip
     session.add(block, serialize_message(samples.to_message(block)))
     session.end_impact(Assembled(name, start, impact.total, record))
     evaluation = evaluate(record, result.study.file.standard)
     end = float(record.time[-1])
     time_ns = nanoseconds(start, end)
-    session.add_criteria(diagnostics.from_evaluation(evaluation, name, time_ns))
+    session.add_criteria(diagnostics.from_evaluation(evaluation, name, time_ns, digest))
     return evaluation.criteria[criterion].value, (math.floor((start + end) / SPACING) + 1) * SPACING

@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import click
-from rich.console import Console
 
+from helmet_sim_ros.cli._console import PlainConsole
 from helmet_sim_ros.errors import HelmetSimError, LogError
 from helmet_sim_ros.mcap_log import ImpactLog, open_log
 
@@ -72,7 +72,5 @@ def complain(error: HelmetSimError, path: Path | None = None) -> int:
     text = str(error)
     if path is not None and str(path) not in text:
         text = f"{path}: {text}"
-    Console(stderr=True, highlight=False).print(
-        f"Error: {text}", style="red", markup=False, soft_wrap=True
-    )
+    PlainConsole(stderr=True).print(f"Error: {text}", style="red", markup=False, soft_wrap=True)
     return BAD_INPUT

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import ctypes
+import fcntl
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -11,7 +13,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from tempfile import TemporaryDirectory, gettempdir
 from types import FrameType, TracebackType
 from typing import Any
 
@@ -61,7 +63,7 @@ class NodeProcesses:
         self._quiet = quiet
         self._running: dict[str, subprocess.Popen[bytes]] = {}
         self._output = ExitStack()
-        self._folder = Path(self._output.enter_context(TemporaryDirectory(prefix="helmet-sim-")))
+        self._folder = self._output.enter_context(claimed_folder())
 
     def __enter__(self) -> NodeProcesses:
         try:
@@ -140,6 +142,33 @@ class NodeProcesses:
         text = (self._folder / f"{name}.txt").read_text(encoding="utf-8", errors="replace")
         lines = [line for line in text.splitlines() if line.strip()][-3:]
         return ": " + " | ".join(lines) if lines else ""
+
+
+#: Temporary folders of ours begin so; a lock in them is held as long as their owner lives.
+FOLDER_PREFIX, FOLDER_LOCK = "helmet-sim-", ".owner"
+
+
+@contextmanager
+def claimed_folder() -> Iterator[Path]:
+    """A temporary folder that is gone afterwards; those of killed processes are removed as well."""
+    remove_abandoned_folders()
+    with TemporaryDirectory(prefix=FOLDER_PREFIX) as name:
+        begun = Path(name, "begun")
+        with open(begun, "w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            begun.rename(Path(name, FOLDER_LOCK))  # never there without its lock
+            yield Path(name)
+
+
+def remove_abandoned_folders() -> None:
+    """Remove our user's temporary folders whose owner was killed before it could."""
+    for folder in Path(gettempdir()).glob(FOLDER_PREFIX + "*"):
+        with suppress(OSError):  # another user's, or gone meanwhile
+            if folder.is_symlink() or folder.stat().st_uid != os.geteuid():
+                continue
+            with open(folder / FOLDER_LOCK) as lock:  # not there yet: somebody is just making it
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                shutil.rmtree(folder)
 
 
 def end_with_parent() -> Callable[[], None] | None:

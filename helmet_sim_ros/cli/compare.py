@@ -8,12 +8,12 @@ from pathlib import Path
 
 import click
 from rich import box
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from helmet_sim_ros.biomech.catalogue import entry
 from helmet_sim_ros.biomech.histories import SPIKE_WIDTH
+from helmet_sim_ros.cli._console import PlainConsole
 from helmet_sim_ros.cli._logs import DIFFERENT, FINE
 from helmet_sim_ros.errors import LogError
 from helmet_sim_ros.mcap_log import open_log
@@ -93,7 +93,7 @@ def command(
 def _show(
     rows: list[tuple[Pair, list[Change]]], a: Path, b: Path, tolerance: float, same: bool
 ) -> None:
-    console = Console(highlight=False)
+    console = PlainConsole()
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
     table.add_column("impact")
     table.add_column("criterion", no_wrap=True)
@@ -138,7 +138,7 @@ def _show_alike(rows: list[tuple[Pair, Likeness]]) -> None:
             name = channel.replace("_", " ")
             numbers = (f"{value:.3f}" for value in rating)
             table.add_row("" if i else pair.label, name, *numbers, rating.grade)
-    console = Console(highlight=False)
+    console = PlainConsole()
     console.print("Histories of B rated against A (ISO/TS 18571; 1 is alike)")
     console.print(table)
     console.print(

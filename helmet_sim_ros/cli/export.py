@@ -6,8 +6,8 @@ import os
 from pathlib import Path
 
 import click
-from rich.console import Console
 
+from helmet_sim_ros.cli._console import PlainConsole
 from helmet_sim_ros.cli._logs import FINE, for_each_log, logs_argument
 from helmet_sim_ros.errors import LogError
 from helmet_sim_ros.mcap_log import ImpactLog
@@ -26,7 +26,7 @@ def command(logs: tuple[Path, ...], form: str, output: Path, only: tuple[str, ..
 
     Files: DIR/LOG_IMPACT.csv, DIR/LOG_impacts.csv (.parquet), or DIR/LOG_IMPACT/ for isomme.
     """
-    console = Console(highlight=False)
+    console = PlainConsole()
 
     def write(log: ImpactLog) -> int:
         for path in export(log, form, output, only):

@@ -6,8 +6,8 @@ import os
 from pathlib import Path
 
 import click
-from rich.console import Console
 
+from helmet_sim_ros.cli._console import PlainConsole
 from helmet_sim_ros.cli._logs import BAD_INPUT, complain, logs_argument, open_logs
 from helmet_sim_ros.errors import LogError
 
@@ -42,5 +42,5 @@ def command(logs: tuple[Path, ...], output: Path, forms: tuple[str, ...]) -> Non
         for form in forms:
             path = output / f"{name}.{form}"
             save_figure(figure, path)
-            Console(highlight=False).print(os.path.relpath(path), markup=False, soft_wrap=True)
+            PlainConsole().print(os.path.relpath(path), markup=False, soft_wrap=True)
     raise SystemExit(code)

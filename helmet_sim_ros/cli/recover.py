@@ -6,8 +6,8 @@ import os
 from pathlib import Path
 
 import click
-from rich.console import Console
 
+from helmet_sim_ros.cli._console import PlainConsole
 from helmet_sim_ros.cli._logs import FINE, complain, logs_argument
 from helmet_sim_ros.errors import HelmetSimError
 
@@ -27,7 +27,7 @@ def command(logs: tuple[Path, ...], output: Path | None) -> None:
 
     if output is not None and len(logs) > 1:
         raise click.UsageError("--output goes with a single LOG")
-    console = Console(highlight=False)
+    console = PlainConsole()
     code = FINE
     for path in logs:
         try:

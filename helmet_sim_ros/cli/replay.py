@@ -8,8 +8,8 @@ import time
 from pathlib import Path
 
 import click
-from rich.console import Console
 
+from helmet_sim_ros.cli._console import PlainConsole
 from helmet_sim_ros.cli._logs import FINE, complain, for_each_log, logs_argument
 from helmet_sim_ros.errors import LogError
 from helmet_sim_ros.mcap_log import ImpactLog, LoggedImpact
@@ -18,7 +18,8 @@ from helmet_sim_ros.mcap_log import ImpactLog, LoggedImpact
 @click.command()
 @logs_argument
 @click.option("--output", "-o", type=click.Path(path_type=Path), default=Path("videos"),
-              show_default=True, metavar="DIR", help="Where the videos go.")  # fmt: skip
+              show_default=True, metavar="DIR|FILE.mp4",
+              help="Where the videos go; a file for a single one.")  # fmt: skip
 @click.option("--impact", "only", multiple=True, metavar="ID|N",
               help="Only this impact, by id or number, repeatable.")  # fmt: skip
 @click.option("--slow", default=100.0, show_default=True, type=click.FloatRange(1.0, 10000.0),
@@ -44,9 +45,11 @@ def command(
 ) -> None:
     """Render a video of every impact of each LOG: bodies, force arrows, and the pulse as time bar.
 
-    Videos: DIR/LOG_IMPACT.mp4. No screen is needed, except for --live.
+    Videos: DIR/LOG_IMPACT.mp4, or FILE.mp4 where only one impact is shown. No screen is needed,
+    except for --live.
     """
     width, height = _size(size)
+    single = _is_file(output)
     if live:
         if sys.platform == "linux" and not _has_screen():
             raise click.UsageError(
@@ -63,17 +66,24 @@ def command(
     from helmet_sim_ros.report.review.summary import label
 
     def show(log: ImpactLog) -> int:
-        for impact in _chosen(log, only):
+        impacts = _chosen(log, only)
+        if single and not live and len(logs) * len(impacts) != 1:
+            raise click.UsageError(
+                f"--output {output}: one file for {len(impacts)} impacts of {len(logs)} logs; "
+                "choose one with --impact, or give a directory"
+            )
+        for impact in impacts:
             if live:
                 _live(impact, slow)
                 continue
             from helmet_sim_ros.report.replay.video import VideoOptions, write_video
 
-            path = output / f"{plain(log.path.stem)}_{plain(impact.impact_id)}.mp4"
+            name = f"{plain(log.path.stem)}_{plain(impact.impact_id)}.mp4"
+            path = output if single else output / name
             options = VideoOptions(width, height, rate, slow, close, azimuth, elevation)
             count = write_video(impact.record, path, options, label(impact.setup))
             text = f"{os.path.relpath(path)} ({count} pictures)"
-            Console(highlight=False).print(text, markup=False, soft_wrap=True)
+            PlainConsole().print(text, markup=False, soft_wrap=True)
         return FINE
 
     raise SystemExit(for_each_log(logs, show))
@@ -94,6 +104,16 @@ def _chosen(log: ImpactLog, only: tuple[str, ...]) -> list[LoggedImpact]:
             raise LogError(f"{log.path}: no complete impact {name!r}; it has {len(log)}")
         found += matches[:1]
     return found
+
+
+def _is_file(output: Path) -> bool:
+    """Whether the output is a video, not a directory of videos."""
+    kinds = (".mp4", ".mkv", ".mov", ".avi", ".webm", ".gif")
+    if output.is_dir() or output.suffix.lower() not in kinds:
+        return False
+    if output.suffix != ".mp4":
+        raise click.UsageError(f"--output {output}: a video is an .mp4 file")
+    return True
 
 
 def _size(text: str) -> tuple[int, int]:

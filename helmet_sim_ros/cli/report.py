@@ -6,8 +6,8 @@ import os
 from pathlib import Path
 
 import click
-from rich.console import Console
 
+from helmet_sim_ros.cli._console import PlainConsole
 from helmet_sim_ros.cli._logs import FINE, complain, for_each_log, logs_argument, open_logs
 from helmet_sim_ros.errors import HelmetSimError
 from helmet_sim_ros.mcap_log import ImpactLog
@@ -30,7 +30,7 @@ def command(logs: tuple[Path, ...], output: Path | None, standard: str | None) -
     def write(opened: list[ImpactLog], path: Path) -> int:
         write_report(opened, path, standard)
         text = f"{os.path.relpath(path)} ({path.stat().st_size / 1e6:.1f} MB)"
-        Console(highlight=False).print(text, markup=False, soft_wrap=True)
+        PlainConsole().print(text, markup=False, soft_wrap=True)
         return FINE
 
     if output is None:

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import click
 from rich import box
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from helmet_sim_ros.cli._console import PlainConsole
 from helmet_sim_ros.cli._logs import DIFFERENT, FINE, for_each_log, logs_argument
 from helmet_sim_ros.cli._table import SHORT as COLUMNS
 from helmet_sim_ros.cli._table import VERDICT_STYLE, criteria_table
@@ -50,7 +50,7 @@ def command(
 
     Exit code 0: all is as logged; 1: a criterion differs; 2: a log cannot be read.
     """
-    console = Console(highlight=False)
+    console = PlainConsole()
 
     def show(log: ImpactLog) -> int:
         rows = [review(impact, standard) for impact in log]
@@ -65,7 +65,9 @@ def command(
     raise SystemExit(for_each_log(logs, show))
 
 
-def _show_log(console: Console, log: ImpactLog, rows: list[Reviewed], full_setup: bool) -> None:
+def _show_log(
+    console: PlainConsole, log: ImpactLog, rows: list[Reviewed], full_setup: bool
+) -> None:
     def say(text: str, style: str = "") -> None:
         console.print(text, style=style, markup=False, soft_wrap=True)
 
@@ -136,7 +138,7 @@ def _models(rows: list[Reviewed]) -> dict[str, str]:
     return {digest: f"M{i}" if len(hashes) > 1 else "" for i, digest in enumerate(hashes, 1)}
 
 
-def _show_criteria(console: Console, rows: list[Reviewed]) -> None:
+def _show_criteria(console: PlainConsole, rows: list[Reviewed]) -> None:
     for number, row in enumerate(rows, 1):
         case = {"name": f"#{number} {row.impact.impact_id}", "evaluation": row.evaluation.as_dict()}
         console.print(criteria_table(case))

@@ -6,7 +6,7 @@ import json
 import os
 import tempfile
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,10 +22,17 @@ from helmet_sim_ros.cli._processes import (
     termination_as_interrupt,
 )
 from helmet_sim_ros.errors import LogError, NodeError
+from helmet_sim_ros.mcap_log.digest import setup_digest
+from helmet_sim_ros.mcap_log.writer import PART
 from helmet_sim_ros.nodes.environment import prepare_environment
+from helmet_sim_ros.resources import is_path
+from helmet_sim_ros.study.scenario.matrix import Case
 
-#: How long the nodes may take until they answer [s]; a loaded machine needs a few.
-START_TIMEOUT = 60.0
+#: Values of a setup that name a file or something shipped.
+FILE_VALUES = ("helmet.name", "impact.surface", "head.surface", "head.form")
+#: How long the nodes may take until they answer [s]; a loaded machine needs a few, and the very
+#: first start compiles.
+START_TIMEOUT = 180.0
 
 
 @click.command()
@@ -63,9 +70,16 @@ def command(
     load_standard(standard or DEFAULT_STANDARD)
 
     prepare_environment(domain_id)
+    # The nodes open no file because a client names it, except these.
+    told = [case.setup.described() for case in plan.cases]
+    chosen = {values[name] for values in told for name in FILE_VALUES if values[name] is not None}
+    files = filter(is_path, chosen)
+    named = sorted(str(Path(name).expanduser().resolve()) for name in files)
+    paths: dict[str, Any] = {"config_paths": named} if named else {}
     parameters: dict[str, dict[str, Any]] = {
+        "simulation": paths,
         "evaluator": {"standard": standard or ""},
-        "recorder": {"output_dir": str(output.resolve())},
+        "recorder": paths | {"output_dir": str(output.resolve())},
         "scenario": {
             "scenario.file": str(plan.path.resolve()),
             "scenario.overrides": list(overrides) or [""],
@@ -77,6 +91,7 @@ def command(
     remaps = {"scenario": {"~/run": run}}
     with termination_as_interrupt(), NodeProcesses(parameters, remaps) as nodes:
         result = run_scenario(nodes, run, len(plan.cases), console)
+        check_asked(result, plan.cases)
         report(result, console, all_criteria, time.monotonic() - began)
     if not result["complete"]:
         raise SystemExit(1)
@@ -121,6 +136,27 @@ def run_scenario(
         except ValueError:
             raise NodeError(f"the scenario was refused: {answer.message}") from None
         return result
+
+
+def check_asked(result: dict[str, Any], cases: Sequence[Case]) -> None:
+    """Let no row count whose impact is not the one asked for, or whose log is not there."""
+    from helmet_sim_ros.nodes.scenario_node import not_asked
+
+    rows = result["cases"]
+    if len(rows) != len(cases):
+        result["error"] = f"{len(rows)} cases were run, {len(cases)} were asked for"
+    for row, case in zip(rows, cases, strict=False):
+        asked, ran, log = setup_digest(case.setup.described()), row["setup_digest"], row["recorded"]
+        if row["status"] != "evaluated":
+            continue
+        if ran != asked:
+            row["error"] = not_asked(row["impact_id"], ran, asked)
+        elif log and not any(Path(log + suffix).is_file() for suffix in ("", PART)):
+            row["error"] = f"its log {log} was there and is gone"
+        if row["error"]:
+            row |= {"status": "failed", "evaluation": None}
+    failed = any(row["status"] != "evaluated" for row in rows)
+    result["complete"] = result["complete"] and not failed and not result["error"]
 
 
 def check_alone(node: Any) -> None:

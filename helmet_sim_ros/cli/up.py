@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -20,14 +21,21 @@ from helmet_sim_ros.nodes.environment import prepare_environment
 @click.command()
 @click.option("--output", default="logs", show_default=True, metavar="DIR",
               type=click.Path(path_type=Path), help="Where logs go.")  # fmt: skip
+@click.option("--config-path", "paths", multiple=True, metavar="PATH",
+              type=click.Path(exists=True, resolve_path=True),
+              help="A file or folder of helmets, scenarios and standards that clients may name, "
+              "beside those shipped.")  # fmt: skip
 @domain_option
-def command(output: Path, domain_id: int | None) -> None:
+def command(output: Path, paths: tuple[str, ...], domain_id: int | None) -> None:
     """Start simulation, evaluator, recorder and scenario node; Ctrl-C ends them all."""
     from helmet_sim_ros.cli.run import check_writable
 
     check_writable(output)
     prepare_environment(domain_id)
-    parameters = {"recorder": {"output_dir": str(output.resolve())}}
+    parameters: dict[str, dict[str, Any]] = {
+        name: {"config_paths": list(paths)} if paths else {} for name in NODES
+    }
+    parameters["recorder"]["output_dir"] = str(output.resolve())
     try:
         with termination_as_interrupt(), NodeProcesses(parameters, quiet=False) as nodes:
             click.echo(f"nodes: {', '.join('/' + name for name in NODES)}; Ctrl-C ends them")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections import deque
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,6 +14,14 @@ import numpy as np
 from helmet_sim_ros.biomech.pulse import uniform_time_step
 from helmet_sim_ros.biomech.record import FloatArray, ImpactRecord, from_block
 from helmet_sim_ros.errors import IncompleteError, PulseError
+from helmet_sim_ros.mcap_log.digest import setup_digest
+
+#: Longest id of an impact, in characters.
+ID_LENGTH = 200
+#: Most samples of an impact; the longest that can be simulated has 2e6 (2 s in steps of 1e-6 s).
+MOST_SAMPLES = 10**8
+#: Latest start [s]: the seconds of a ROS time stamp are a signed 32-bit integer.
+LATEST_START = 2**31 - 1
 
 
 @dataclass(frozen=True)
@@ -27,6 +36,7 @@ class Block:
         labels: column names, see :func:`helmet_sim_ros.biomech.record.block_labels`.
         data: shape (rows, len(labels)), SI units.
         setup: the impact setup as plain data; in the first block only.
+        setup_digest: its :func:`~helmet_sim_ros.mcap_log.digest.setup_digest`, beside it.
         model: the compiled model as MJCF text; in the first block only.
         extras: ``ImpactRecord.extras`` (notes, map of residual crush); in the last block only.
         aborted: why the impact ends here, unfinished; such a block has no rows.
@@ -42,12 +52,27 @@ class Block:
     model: str | None = None
     extras: Mapping[str, Any] | None = None
     aborted: str | None = None
+    setup_digest: str | None = None
 
     def header(self) -> str:
         """Everything but labels and data, as JSON; values that are None are left out."""
-        names = ("impact_id", "first", "total", "start_time", "setup", "model", "extras", "aborted")
+        names = ("impact_id", "first", "total", "start_time", "setup", "setup_digest", "model",
+                 "extras", "aborted")  # fmt: skip
         values = {name: getattr(self, name) for name in names}
         return json.dumps({k: v for k, v in values.items() if v is not None}, default=_listed)
+
+
+def check_impact_id(impact_id: object) -> str:
+    """The id of an impact: what a table, a page and a terminal show as it is.
+
+    Raises:
+        ValueError: not text of 1 to 200 printable characters.
+    """
+    if not isinstance(impact_id, str) or not impact_id.isprintable():
+        raise ValueError(f"impact_id must be printable text, not {impact_id!r:.80}")
+    if not 0 < len(impact_id) <= ID_LENGTH:
+        raise ValueError(f"impact_id has {len(impact_id)} characters, 1 to {ID_LENGTH} are allowed")
+    return impact_id
 
 
 def parse_block(header: str, labels: str, data: Sequence[float] | FloatArray) -> Block:
@@ -61,17 +86,35 @@ def parse_block(header: str, labels: str, data: Sequence[float] | FloatArray) ->
         names = tuple(labels.split(","))
         values = np.asarray(data, dtype=np.float64)
         block = Block(data=values.reshape(-1, len(names)), labels=names, **fields)
-        whole = isinstance(block.first, int) and isinstance(block.total, int)
-        if not whole or not isinstance(block.impact_id, str):
-            raise TypeError("impact_id must be text, first and total integers")
-        if not 0 <= block.first <= block.first + len(block.data) <= block.total:
-            raise ValueError(
-                f"rows {block.first} to {block.first + len(block.data)} of {block.total}"
-            )
-        float(block.start_time)
-    except (TypeError, ValueError) as error:
+        _check(block)
+        if block.setup_digest is not None and block.setup_digest != setup_digest(block.setup or {}):
+            raise ValueError("the setup is not the one of its digest")
+    except (TypeError, ValueError, AttributeError, OverflowError, RecursionError) as error:
         raise IncompleteError(f"not a block of samples: {error}") from None
     return block
+
+
+def _check(block: Block) -> None:
+    """Refuse a block whose header is of other types, or contradicts its data."""
+    check_impact_id(block.impact_id)
+    if type(block.first) is not int or type(block.total) is not int:
+        raise TypeError("first and total must be integers")
+    last = block.first + len(block.data)
+    if not 0 <= block.first <= last <= block.total <= MOST_SAMPLES:
+        raise ValueError(f"rows {block.first} to {last} of {block.total}")
+    if len(set(block.labels)) < len(block.labels):
+        raise ValueError("two columns have the same name")
+    number = type(block.start_time) in (int, float)
+    if not number or not 0.0 <= block.start_time <= LATEST_START:
+        raise ValueError(
+            f"start_time = {block.start_time!r:.80}: must be a number from 0 to {LATEST_START} s"
+        )
+    for name in ("setup", "extras"):
+        if not isinstance(getattr(block, name), Mapping | None):
+            raise TypeError(f"{name} must be a JSON object")
+    for name in ("model", "aborted"):
+        if not isinstance(getattr(block, name), str | None):
+            raise TypeError(f"{name} must be text")
 
 
 @dataclass(frozen=True)
@@ -157,6 +200,9 @@ def _with_arrays(extras: Mapping[str, Any]) -> dict[str, Any]:
     """Lists of numbers as arrays again; what is not, as it is."""
     restored = {}
     for name, value in extras.items():
-        numeric = isinstance(value, list) and value and isinstance(value[0], (float, list))
-        restored[name] = np.array(value, dtype=np.float64) if numeric else value
+        restored[name] = value
+        if isinstance(value, list) and value and isinstance(value[0], (float, list)):
+            # What only begins like numbers stays what it is.
+            with suppress(ValueError, TypeError, OverflowError):
+                restored[name] = np.array(value, dtype=np.float64)
     return restored

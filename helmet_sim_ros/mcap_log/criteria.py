@@ -8,6 +8,7 @@ from typing import Any
 
 from helmet_sim_ros.biomech.result import Criterion, Evaluation
 from helmet_sim_ros.errors import LogError, PulseError
+from helmet_sim_ros.mcap_log.digest import SETUP_DIGEST
 
 #: Name of the only status of an impact that could not be evaluated.
 NOT_EVALUATED = "not_evaluated"
@@ -36,7 +37,11 @@ def evaluation_of(array: Any) -> tuple[str, Evaluation]:
     try:
         data: dict[str, Any] = {"criteria": {}}
         for status in array.status:
-            values = {pair.key: _parsed(pair.key, pair.value) for pair in status.values}
+            values = {
+                pair.key: _parsed(pair.key, pair.value)
+                for pair in status.values
+                if pair.key != SETUP_DIGEST
+            }
             data |= {
                 key.removeprefix(WHOLE): values.pop(key)
                 for key in list(values)
@@ -46,8 +51,14 @@ def evaluation_of(array: Any) -> tuple[str, Evaluation]:
             window = None if t1 is None else [t1, t2]
             data["criteria"][status.name] = values | {"name": status.name, "window": window}
         return first.hardware_id, Evaluation.from_dict(data)
-    except (ValueError, TypeError, PulseError) as error:
+    except (ValueError, TypeError, RecursionError, PulseError) as error:
         raise LogError(f"not criteria of an impact: {error}") from error
+
+
+def digest_of(array: Any) -> str:
+    """Digest of the setup that was judged (``setup_digest``); empty where there is none."""
+    first = array.status[0].values if array.status else ()
+    return next((str(pair.value) for pair in first if pair.key == SETUP_DIGEST), "")
 
 
 def _parsed(key: str, value: str) -> Any:

@@ -11,6 +11,7 @@ from mcap.well_known import MessageEncoding, SchemaEncoding
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from helmet_sim_ros.errors import LogError
+from helmet_sim_ros.mcap_log.layout import TYPE_HASHES
 
 
 class Definitions(Protocol):
@@ -84,6 +85,9 @@ def _store(definition: bytes, name: str) -> Any:
     try:
         store.register(get_types_from_msg(definition.decode(), name))
         store.get_msgdef(name)
+        found = store.hash_rihs01(name)
     except Exception as error:  # a text that is no message definition can fail in many ways
         raise LogError(f"the message definition of {name} cannot be understood") from error
+    if found != TYPE_HASHES.get(name, found):
+        raise LogError(f"the message definition of {name} has other fields than that of ROS 2")
     return store

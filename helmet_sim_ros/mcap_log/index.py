@@ -3,15 +3,24 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
+from pathlib import Path
+from typing import Any
 
 from helmet_sim_ros.biomech.record import ImpactRecord
 from helmet_sim_ros.biomech.result import Evaluation
 from helmet_sim_ros.errors import IncompleteError, LogError
-from helmet_sim_ros.mcap_log.blocks import Assembled, Assembler, Block, parse_block
+from helmet_sim_ros.mcap_log.blocks import (
+    LATEST_START,
+    MOST_SAMPLES,
+    Assembled,
+    Assembler,
+    Block,
+    check_impact_id,
+    parse_block,
+)
 from helmet_sim_ros.mcap_log.criteria import evaluation_of
 from helmet_sim_ros.mcap_log.decode import Decoder
 from helmet_sim_ros.mcap_log.layout import (
@@ -81,11 +90,11 @@ class ImpactIndex:
             try:
                 start, samples = float(notes["start_time"]), int(notes["samples"])
                 complete, problem = bool(json.loads(notes["complete"])), notes["problem"]
-                if not math.isfinite(start) or samples < 0:
+                if not 0.0 <= start <= LATEST_START or not 0 <= samples <= MOST_SAMPLES:
                     raise ValueError("out of range")
-            except (KeyError, ValueError) as error:
+                name = check_impact_id(index.name.removeprefix(IMPACT))
+            except (KeyError, ValueError, RecursionError) as error:
                 raise LogError(f"{self._path}: metadata {index.name}: damaged: {error!r}") from None
-            name = index.name.removeprefix(IMPACT)
             problem = "" if complete else problem or "incomplete"
             entries.append(Entry(name, start, samples, problem, begin, index.offset, notes))
             begin = index.offset
@@ -150,9 +159,24 @@ class ImpactIndex:
             for done in ended:
                 if done.impact_id == entry.impact_id:
                     if done.record is not None:
+                        self._compare(entry, done.record)
                         return done.record, model
                     problem = done.problem
         raise LogError(f"{self._path}: impact {entry.impact_id}: {problem}")
+
+    def _compare(self, entry: Entry, record: ImpactRecord) -> None:
+        """Refuse samples of another impact than the one that the metadata tells of."""
+        given = entry.notes.get("setup")
+        if given is not None and parsed_setup(given, self._path) != record.setup:
+            raise LogError(
+                f"{self._path}: impact {entry.impact_id}: the setup in the metadata is not that of "
+                "the samples"
+            )
+        if len(record) != entry.samples:
+            raise LogError(
+                f"{self._path}: impact {entry.impact_id}: {len(record)} samples, the metadata has "
+                f"{entry.samples}"
+            )
 
     def logged(self, entry: Entry) -> Evaluation | None:
         """The criteria in the log; None if it has none for this impact.
@@ -181,6 +205,21 @@ class ImpactIndex:
                     self._criteria[impact_id] = LogError(text)
             if impact_id == entry.impact_id:
                 return
+
+
+def parsed_setup(text: str, path: Path) -> dict[str, Any]:
+    """The setup in the metadata of an impact.
+
+    Raises:
+        LogError: it is none.
+    """
+    try:
+        setup = json.loads(text)
+        if isinstance(setup, dict):
+            return setup
+    except (ValueError, RecursionError):
+        pass
+    raise LogError(f"{path}: damaged: a setup that is no JSON object")
 
 
 def is_impact(name: str) -> bool:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Iterator, Mapping
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -13,8 +12,8 @@ from helmet_sim_ros.biomech.evaluation import evaluate
 from helmet_sim_ros.biomech.record import ImpactRecord
 from helmet_sim_ros.biomech.result import Evaluation
 from helmet_sim_ros.errors import LogError
-from helmet_sim_ros.mcap_log.index import Entry, ImpactIndex, clock_warnings
-from helmet_sim_ros.mcap_log.layout import FORMAT_VERSION, IMPACT, RUN
+from helmet_sim_ros.mcap_log.index import Entry, ImpactIndex, clock_warnings, parsed_setup
+from helmet_sim_ros.mcap_log.layout import FORMAT_VERSION, IMPACT, RECOVERED, RUN
 from helmet_sim_ros.mcap_log.source import McapSource
 
 if TYPE_CHECKING:
@@ -55,26 +54,44 @@ class LoggedImpact:
     def setup(self) -> Mapping[str, Any]:
         """The complete impact setup by dotted names."""
         text = self._entry.notes.get("setup")
-        return self.record.setup if text is None else _parsed_setup(text, self._log.path)
+        return self.record.setup if text is None else parsed_setup(text, self._log.path)
 
-    @cached_property
+    @property
     def model(self) -> str | None:
-        """The compiled model as MJCF text, None where the log has none."""
-        name = self._entry.notes.get("model")
-        return self._log._content(self._entry)[1] if name is None else self._log.attachment(name)
+        """The compiled model as MJCF text, None where the log has none.
 
-    @cached_property
-    def model_hash(self) -> str:
-        """SHA-256 of :attr:`model`, its first 12 digits; empty where the log has none."""
-        return "" if self.model is None else hashlib.sha256(self.model.encode()).hexdigest()[:12]
+        Raises:
+            LogError: its attachment is damaged, and so are the samples that it came with.
+        """
+        return self._model[0]
 
     @property
     def model_problem(self) -> str:
         """Why the logged model is not the one that its name says; empty if it is."""
-        name = self._entry.notes.get("model", "")
-        if not name or name == f"model_{self.model_hash}.xml":
-            return ""
-        return f"the model {name} was changed: its hash is now {self.model_hash}"
+        try:
+            return self._model[1]
+        except LogError as error:
+            return str(error)
+
+    @cached_property
+    def model_hash(self) -> str:
+        """SHA-256 of :attr:`model`, its first 12 digits; empty where the log has none."""
+        return "" if self.model is None else _hash(self.model)
+
+    @cached_property
+    def _model(self) -> tuple[str | None, str]:
+        """The model and what is wrong with it; that of the samples if its attachment is damaged."""
+        name = self._entry.notes.get("model")
+        if name is None:
+            return self._log._content(self._entry)[1], ""
+        try:
+            text = self._log.attachment(name)
+        except LogError as error:
+            model = self._log._content(self._entry)[1]
+            return model, f"{error}; the model that came with the samples is shown"
+        if name == f"model_{_hash(text)}.xml":
+            return text, ""
+        return text, f"the model {name} was changed: its hash is now {_hash(text)}"
 
     @cached_property
     def logged(self) -> Evaluation | None:
@@ -100,9 +117,7 @@ class LoggedImpact:
 
     def frame(self) -> pd.DataFrame:
         """The samples as a pandas table, one column per component, the index is time [s]."""
-        from helmet_sim_ros.mcap_log.frames import sample_frame
-
-        return sample_frame(self.record)
+        return self.record.frame()
 
 
 class ImpactLog:
@@ -125,7 +140,7 @@ class ImpactLog:
         entries = self._index.entries
         self.impacts = tuple(LoggedImpact(self, e) for e in entries if not e.problem)
         self.problems = tuple(e.problem for e in entries if e.problem)
-        self.warnings = tuple(clock_warnings(entries))
+        self.warnings = (*self._unprotected(), *clock_warnings(entries))
         self._content = lru_cache(_KEPT)(self._index.read)
 
     def __repr__(self) -> str:
@@ -164,7 +179,7 @@ class ImpactLog:
     @property
     def library(self) -> str:
         """What wrote the file."""
-        return self._source.library
+        return str(self.run.get("library", self._source.library))
 
     @property
     def attachments(self) -> dict[str, str]:
@@ -189,7 +204,7 @@ class ImpactLog:
         text = "" if notes is None else self._source.metadata(notes).get("setup", "")
         if not text:
             raise LogError(f"{self.path}: no setup of an impact {impact_id!r}")
-        return _parsed_setup(text, self.path)
+        return parsed_setup(text, self.path)
 
     def frame(self) -> pd.DataFrame:
         """The results as a pandas table: one row per impact, setup and criteria as columns."""
@@ -203,9 +218,27 @@ class ImpactLog:
             for impact in self.impacts
         )
 
+    def _unprotected(self) -> Iterator[str]:
+        """What in this file could have changed without being noticed."""
+        if not self._source.checked:
+            yield "no checksum covers the index of this file: damage to it may stay unnoticed"
+        if RECOVERED in self._indexed:
+            lost = self._source.metadata(self._indexed[RECOVERED]).get("lost", "")
+            yield f"recovered from a damaged or unfinished log; lost: {lost}"
+        if self._source.format == 1 and RUN in self._indexed:
+            yield (
+                "log format 1: no checksum covers run, setups and start times; a setup is compared "
+                "with that of the samples when they are read"
+            )
+
     def _refuse_newer(self) -> None:
-        version = self.run.get("format", "1")
-        if not version.isdecimal() or int(version) > FORMAT_VERSION:
+        version = self._source.format  # first: a later one may seal its metadata otherwise
+        if version <= FORMAT_VERSION:
+            text = self.run.get("format", "1")
+            if not (text.isdecimal() and text.isascii() and len(text) < 7):
+                raise LogError(f"{self.path}: log format {text!r} is not a number")
+            version = int(text)
+        if version > FORMAT_VERSION:
             raise LogError(
                 f"{self.path}: log format {version}; this program reads up to {FORMAT_VERSION}, "
                 "a later one is needed"
@@ -231,11 +264,5 @@ def read_impacts(path: str | Path) -> Iterator[LoggedImpact]:
     return iter(open_log(path))
 
 
-def _parsed_setup(text: str, path: Path) -> dict[str, Any]:
-    try:
-        setup = json.loads(text)
-        if isinstance(setup, dict):
-            return setup
-    except ValueError:
-        pass
-    raise LogError(f"{path}: damaged: a setup that is no JSON object")
+def _hash(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()[:12]

@@ -5,51 +5,35 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Iterator
 from dataclasses import dataclass, field
-from io import BytesIO
 from pathlib import Path
 from typing import IO, Any
 
-from mcap.data_stream import ReadDataStream
-from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Header, Message, Metadata, Schema
 from mcap.writer import CompressionType, Writer
 
 from helmet_sim_ros.errors import IncompleteError, LogError
 from helmet_sim_ros.mcap_log.blocks import Assembler, Block, parse_block
 from helmet_sim_ros.mcap_log.decode import Decoder
+from helmet_sim_ros.mcap_log.digest import SETUP_DIGEST
 from helmet_sim_ros.mcap_log.layout import (
     CRITERIA_TOPIC,
     CRITERIA_TYPE,
+    FORMAT_KEY,
     IMPACT,
+    NO_CRITERIA,
     RECOVERED,
     RUN,
     SAMPLES_TOPIC,
     SAMPLES_TYPE,
 )
-from helmet_sim_ros.mcap_log.records import (
-    BROKEN,
-    MESSAGE,
-    RECORD,
-    RECORD_LIMIT,
-    check_magic,
-    read_chunk,
-    records_of,
-    unreadable,
-)
+from helmet_sim_ros.mcap_log.records import BROKEN, check_magic, unreadable
+from helmet_sim_ros.mcap_log.salvage import Salvage
+from helmet_sim_ros.mcap_log.seal import sealed
 from helmet_sim_ros.mcap_log.source import McapSource
 from helmet_sim_ros.mcap_log.writer import PART
 
 SUFFIX = ".mcap"
-
-_CLASSES: dict[int, Any] = {
-    Opcode.HEADER: Header,
-    Opcode.SCHEMA: Schema,
-    Opcode.CHANNEL: Channel,
-    Opcode.METADATA: Metadata,
-    Opcode.ATTACHMENT: Attachment,
-}
 
 
 @dataclass(frozen=True)
@@ -105,75 +89,28 @@ class _Plan:
     """What of a damaged file to keep.
 
     Attributes:
-        complete: ids of the complete impacts.
-        first: first block of the last complete impact.
-        last: number of the record that completes it; later ones belong to what is lost.
-        noted: impacts that have a metadata record, and whether it says that they are complete.
+        complete: ids of the complete impacts, and the number of the record that completes each.
+        last: number of the record that completes the last one; later ones belong to what is lost.
+        notes: the values of the sound metadata record of each impact that has one.
+        judged: impacts that have criteria.
+        attached, described: names of the sound attachments and metadata records.
+        sealed: whether its metadata has seals.
+        recorded: whether the recorder wrote this file, so that impacts have metadata records.
         samples, criteria: ids of their channels.
         lost: what is lost, in words.
     """
 
-    complete: set[str] = field(default_factory=set)
-    first: Block | None = None
+    complete: dict[str, int] = field(default_factory=dict)
     last: int = -1
-    noted: dict[str, bool] = field(default_factory=dict)
-    has_run: bool = False
+    notes: dict[str, dict[str, str]] = field(default_factory=dict)
+    judged: set[str] = field(default_factory=set)
+    attached: set[str] = field(default_factory=set)
+    described: set[str] = field(default_factory=set)
+    sealed: bool = False
+    recorded: bool = False
     samples: set[int] = field(default_factory=set)
     criteria: set[int] = field(default_factory=set)
     lost: list[str] = field(default_factory=list)
-
-
-class _Sound:
-    """The sound records of a damaged file, also those inside chunks, in order.
-
-    Attributes:
-        problems: what is damaged, known once the iteration has ended.
-        finished: whether the file has an end mark.
-    """
-
-    def __init__(self, stream: IO[bytes]) -> None:
-        self._stream = stream
-        self._size = stream.seek(0, 2)
-        self.problems: list[str] = []
-        self.finished = False
-
-    def __iter__(self) -> Iterator[Any]:
-        offset = 8
-        while not self.finished:
-            self._stream.seek(offset)
-            head = self._stream.read(RECORD.size)
-            opcode, length = RECORD.unpack(head) if len(head) == RECORD.size else (0, 0)
-            end = offset + RECORD.size + length
-            if not 0 < opcode <= Opcode.DATA_END or end > self._size or length > RECORD_LIMIT:
-                left = self._size - offset
-                self.problems.append(
-                    f"the last {left} bytes are cut off" if left else "the file was never finished"
-                )
-                return
-            self.finished = opcode in (Opcode.DATA_END, Opcode.FOOTER)
-            try:
-                found = list(self._records(offset, opcode, length))
-            except BROKEN as error:
-                self.problems.append(f"{length} bytes at offset {offset} are damaged ({error})")
-                found = []
-            yield from found
-            offset = end
-
-    def _records(self, offset: int, opcode: int, length: int) -> Iterator[Any]:
-        if opcode == Opcode.CHUNK:
-            _, data = read_chunk(self._stream, offset)
-            for kind, begin, end in records_of(data):
-                yield from _parsed(kind, data[begin:end])
-        else:
-            yield from _parsed(opcode, self._stream.read(length))
-
-
-def _parsed(opcode: int, content: bytes) -> Iterator[Any]:
-    if opcode == Opcode.MESSAGE:
-        channel, sequence, log_time, publish_time = MESSAGE.unpack_from(content)
-        yield Message(channel, log_time, content[MESSAGE.size :], publish_time, sequence)
-    elif opcode in _CLASSES:
-        yield _CLASSES[opcode].read(ReadDataStream(BytesIO(content)))
 
 
 class _Definitions:
@@ -187,10 +124,10 @@ class _Definitions:
 
 def _plan(stream: IO[bytes], path: Path) -> _Plan:
     """Read everything once and see which impacts are complete."""
-    plan, known, sound = _Plan(), _Definitions(path), _Sound(stream)
+    plan, known, sound = _Plan(), _Definitions(path), Salvage(stream)
     decoder = Decoder(known)
     assemblers: dict[int, Assembler] = {}
-    firsts: dict[str, Block] = {}
+    verdicts = 0
     for number, record in enumerate(sound):
         if isinstance(record, Schema):
             known.schemas[record.id] = record
@@ -198,39 +135,70 @@ def _plan(stream: IO[bytes], path: Path) -> _Plan:
             known.channels[record.id] = record
             plan.samples = set(decoder.channels(SAMPLES_TOPIC, SAMPLES_TYPE))
             plan.criteria = set(decoder.channels(CRITERIA_TOPIC, CRITERIA_TYPE))
+            plan.sealed |= FORMAT_KEY in record.metadata
+        elif isinstance(record, Attachment):
+            plan.attached.add(record.name)
         elif isinstance(record, Metadata):
-            plan.has_run |= record.name == RUN
+            plan.described.add(record.name)
+            plan.recorded |= record.name == RUN
             if record.name.startswith(IMPACT):
-                complete = record.metadata.get("complete") == "true"
-                plan.noted[record.name.removeprefix(IMPACT)] = complete
+                plan.notes[record.name.removeprefix(IMPACT)] = record.metadata
         elif isinstance(record, Message) and record.channel_id in plan.samples:
             block = _block(decoder, record, path)
-            if block.first == 0:
-                firsts[block.impact_id] = block
             assembler = assemblers.setdefault(record.channel_id, Assembler())
             for done in assembler.feed(block):
                 if done.record is None:
                     plan.lost.append(done.problem)
-                    continue
-                plan.complete.add(done.impact_id)
-                plan.first, plan.last = firsts.pop(done.impact_id), number
+                else:
+                    plan.complete.setdefault(done.impact_id, number)
+                    plan.last = number
+        elif isinstance(record, Message) and record.channel_id in plan.criteria:
+            plan.judged.add(_judged(decoder, record))
+            verdicts += 1
     for assembler in assemblers.values():
         plan.lost += [done.problem for done in assembler.abandon("the log ends")]
-    if sound.finished and not sound.problems:
-        try:
-            McapSource(path)
-        except LogError:
-            sound.problems.append("the index at the end of the file is damaged")
-    if not sound.problems:
+    # One that was killed before it had its final name is complete, and yet no finished log.
+    if not sound.problems and not path.name.endswith(PART):
+        McapSource(path)  # whatever else is wrong with it is told
         raise LogError(f"{path}: is finished and sound, there is nothing to recover")
-    for impact_id, complete in plan.noted.items():
-        if complete and impact_id not in plan.complete:
-            plan.lost.append(f"impact {impact_id}: its samples are damaged")
-    plan.lost += sound.problems
+    plan.lost += _missing(plan, sound, verdicts) + sound.problems
     if not plan.complete:
         what = "; ".join(plan.lost) or "no samples were written"
         raise LogError(f"{path}: nothing to recover, no impact in it is complete ({what})")
     return plan
+
+
+def _missing(plan: _Plan, sound: Salvage, verdicts: int) -> list[str]:
+    """What is not there, by what the sound records and the index tell of."""
+    lost = [
+        f"impact {impact_id}: its samples are damaged"
+        for impact_id, values in plan.notes.items()
+        if values.get("complete") == "true" and impact_id not in plan.complete
+    ]
+    if sound.summary is not None:
+        indexed = dict.fromkeys(index.name for index in sound.summary.metadata_indexes)
+        for name in indexed:
+            if name in plan.described:
+                continue
+            impact_id = name.removeprefix(IMPACT)
+            if name == impact_id:
+                lost.append(f"metadata {name}")
+            elif impact_id not in plan.complete:
+                lost.append(f"impact {impact_id}: it is damaged")
+        names = {index.name: None for index in sound.summary.attachment_indexes}
+        lost += [f"attachment {name}" for name in names if name not in plan.attached]
+        counts = sound.summary.statistics
+        logged = counts and sum(counts.channel_message_counts.get(c, 0) for c in plan.criteria)
+        if logged == verdicts:
+            return lost
+    silent = [
+        impact_id
+        for impact_id in plan.complete
+        if impact_id not in plan.judged and NO_CRITERIA + impact_id not in plan.described
+    ]
+    if silent:
+        lost.append(f"criteria, lost or never logged, of impacts {', '.join(silent)}")
+    return lost
 
 
 def _block(decoder: Decoder, record: Message, path: Path) -> Block:
@@ -242,17 +210,22 @@ def _block(decoder: Decoder, record: Message, path: Path) -> Block:
         raise LogError(f"{path}: {SAMPLES_TOPIC}: {error}") from error
 
 
+def _judged(decoder: Decoder, record: Message) -> str:
+    """The impact that criteria belong to."""
+    status = decoder.decode(record.channel_id, record.data).status
+    return str(status[0].hardware_id) if status else ""
+
+
 def _copy(stream: IO[bytes], plan: _Plan, target: Path) -> None:
     """Write what the plan keeps; the target appears only when it is complete."""
     unfinished = target.with_name(target.name + ".recovering")
     try:
         with open(unfinished, "wb") as output:
-            writer = Writer(output, compression=CompressionType.ZSTD)
+            writer = Writer(output, compression=CompressionType.ZSTD, enable_data_crcs=True)
             copier = _Copier(writer, plan, unfinished)
-            for number, record in enumerate(_Sound(stream)):
-                copier.add(record, number <= plan.last)
-            copier.add_missing_notes()
-            writer.add_metadata(RECOVERED, {"lost": json.dumps(plan.lost)})
+            for number, record in enumerate(Salvage(stream)):
+                copier.add(record, number)
+            copier.add_metadata(RECOVERED, {"lost": json.dumps(plan.lost)})
             writer.finish()  # type: ignore[no-untyped-call]
             output.flush()
             os.fsync(output.fileno())
@@ -269,20 +242,25 @@ class _Copier:
     """Writes records again, under new ids, if they are to be kept."""
 
     def __init__(self, writer: Writer, plan: _Plan, path: Path) -> None:
-        self._writer, self._plan = writer, plan
+        self._writer, self._plan, self._path = writer, plan, path
         self._known = _Definitions(path)
         self._decoder = Decoder(self._known)
         self._schemas = {0: 0}
         self._channels: dict[int, int] = {}
-        self._models: set[str] = set()
+        self._attached: set[str] = set()
+        self._noted: set[str] = set()
+        self._first: Block | None = None
         self._end = 0
+        self._started = False
 
-    def add(self, record: Any, keep: bool) -> None:
-        """Write a record; of those not to be kept, only what belongs to a complete impact."""
-        writer = self._writer
-        if isinstance(record, Header):
-            writer.start(record.profile, record.library)
-        elif isinstance(record, Schema) and record.id not in self._schemas:
+    def add(self, record: Any, number: int) -> None:
+        """Write a record; behind the last complete impact only what belongs to a complete one."""
+        writer, keep = self._writer, number <= self._plan.last
+        if not self._started:  # without a sound header, as what the recorder writes
+            self._started = True
+            header = record if isinstance(record, Header) else Header("ros2", "")
+            writer.start(header.profile, header.library)
+        if isinstance(record, Schema) and record.id not in self._schemas:
             self._known.schemas[record.id] = record
             new = writer.register_schema(record.name, record.encoding, record.data)
             self._schemas[record.id] = new
@@ -293,58 +271,77 @@ class _Copier:
                 record.metadata,
             )  # fmt: skip
         elif isinstance(record, Message) and (keep or self._judges_complete(record)):
-            self._end = max(self._end, record.log_time)
-            writer.add_message(
-                self._channels[record.channel_id], record.log_time, record.data,
-                record.publish_time, record.sequence,
-            )  # fmt: skip
-        elif isinstance(record, Attachment):
-            self._models.add(record.name)
+            self._copy_message(record, number)
+        elif isinstance(record, Attachment) and record.name not in self._attached:
+            self._attached.add(record.name)
             writer.add_attachment(
                 record.create_time, record.log_time, record.name, record.media_type, record.data
             )
         elif isinstance(record, Metadata):
-            self._add_metadata(record, keep)
+            self._copy_metadata(record, keep)
 
-    def _add_metadata(self, record: Metadata, keep: bool) -> None:
-        impact = record.name.removeprefix(IMPACT)
-        values = dict(record.metadata)
-        if record.name != impact and impact not in self._plan.complete:
-            if not keep:
+    def add_metadata(self, name: str, values: dict[str, str]) -> None:
+        """Write a metadata record behind everything so far, sealed in a log that has seals."""
+        self._writer.flush()  # type: ignore[no-untyped-call]
+        self._writer.add_metadata(name, sealed(name, values) if self._plan.sealed else values)
+
+    def _copy_message(self, record: Message, number: int) -> None:
+        self._end = max(self._end, record.log_time)
+        self._writer.add_message(
+            self._channels[record.channel_id], record.log_time, record.data, record.publish_time,
+            record.sequence,
+        )  # fmt: skip
+        if record.channel_id in self._plan.samples:
+            block = _block(self._decoder, record, self._path)
+            if block.first == 0:
+                self._first = block
+            if self._plan.complete.get(block.impact_id) == number:
+                self._note(block.impact_id)
+
+    def _copy_metadata(self, record: Metadata, keep: bool) -> None:
+        """Copy what is not about a complete impact: that is written behind its samples."""
+        impact, values = record.name.removeprefix(IMPACT), dict(record.metadata)
+        if record.name != impact:
+            if impact in self._plan.complete or impact in self._noted or not keep:
                 return
+            self._noted.add(impact)
             if values.get("complete") == "true":  # it was, but samples of it are damaged
                 values |= {
                     "complete": "false",
                     "problem": f"impact {impact}: its samples are damaged",
                 }
-        self._writer.flush()  # type: ignore[no-untyped-call] # stays behind what was before it
-        self._writer.add_metadata(record.name, values)
+        self.add_metadata(record.name, values)
 
-    def add_missing_notes(self) -> None:
-        """The metadata of a complete impact that the recorder had no time for."""
-        first = self._plan.first
-        if first is None or first.impact_id in self._plan.noted or not self._plan.has_run:
-            return
-        values = {
-            "start_time": repr(first.start_time),
-            "samples": str(first.total),
-            "complete": "true",
-            "problem": "",
-            "setup": json.dumps(first.setup),
-        }
-        if first.model is not None:
-            digest = hashlib.sha256(first.model.encode()).hexdigest()[:12]
-            values["model"] = f"model_{digest}.xml"
-            if values["model"] not in self._models:
-                self._writer.add_attachment(
-                    self._end, self._end, values["model"], "application/xml", first.model.encode()
-                )
-        self._writer.flush()  # type: ignore[no-untyped-call]
-        self._writer.add_metadata(IMPACT + first.impact_id, values)
+    def _note(self, impact: str) -> None:
+        """Write the metadata of a complete impact: its own, or made from its samples."""
+        first, values = self._first, self._plan.notes.get(impact)
+        if first is None or first.impact_id != impact:
+            return  # cannot be: the record that completes it follows its first block
+        if values is None:
+            if not (self._plan.recorded or self._plan.sealed):
+                return
+            values = {
+                "start_time": repr(first.start_time),
+                "samples": str(first.total),
+                "complete": "true",
+                "problem": "",
+                "setup": json.dumps(first.setup),
+            }
+            if first.setup_digest is not None:
+                values[SETUP_DIGEST] = first.setup_digest
+            if first.model is not None:
+                digest = hashlib.sha256(first.model.encode()).hexdigest()[:12]
+                values["model"] = f"model_{digest}.xml"
+        name = values.get("model")
+        if name and first.model is not None and name not in self._plan.attached | self._attached:
+            self._attached.add(name)
+            self._writer.add_attachment(
+                self._end, self._end, name, "application/xml", first.model.encode()
+            )
+        self.add_metadata(IMPACT + impact, values)
 
     def _judges_complete(self, record: Message) -> bool:
         """Whether a message holds the criteria of a complete impact."""
         if record.channel_id not in self._plan.criteria:
             return False
-        status = self._decoder.decode(record.channel_id, record.data).status
-        return bool(status) and status[0].hardware_id in self._plan.complete
+        return _judged(self._decoder, record) in self._plan.complete

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from mcap.data_stream import RecordBuilder
 from mcap.well_known import MessageEncoding, Profile, SchemaEncoding
 from mcap.writer import CompressionType, Writer
 
 from helmet_sim_ros.errors import LogError
+from helmet_sim_ros.mcap_log.layout import FORMAT_KEY, FORMAT_VERSION, RUN
 from helmet_sim_ros.mcap_log.schemas import message_definition, type_hash
+from helmet_sim_ros.mcap_log.seal import sealed
 
 #: Suffix of a log that is still being written, or that was never finished.
 PART = ".part"
@@ -33,6 +36,7 @@ class LogWriter:
             LogError: it exists, or cannot be written.
         """
         self.path = path
+        self._library = library
         self._part = path.with_name(path.name + PART)
         if path.exists():
             raise LogError(f"{path}: exists already")
@@ -40,7 +44,9 @@ class LogWriter:
             self._stream = open(self._part, "xb")  # noqa: SIM115 - closed by close()
         except OSError as error:
             raise LogError(f"{self._part}: cannot be created: {error.strerror}") from error
-        self._writer = Writer(self._stream, compression=CompressionType.ZSTD)
+        self._writer = Writer(self._stream, compression=CompressionType.ZSTD, enable_data_crcs=True)
+        for name in ("chunk_indices", "metadata_indexes", "attachment_indexes"):
+            setattr(self._writer, f"_Writer__{name}", _Packed())
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
         self._guarded(self._writer.start, Profile.ROS2, library)
@@ -65,7 +71,11 @@ class LogWriter:
             self._schemas[type_name] = self._guarded(
                 self._writer.register_schema, type_name, SchemaEncoding.ROS2, definition
             )
-        metadata = {"offered_qos_profiles": qos, "topic_type_hash": type_hash(type_name)}
+        metadata = {
+            "offered_qos_profiles": qos,
+            "topic_type_hash": type_hash(type_name),
+            FORMAT_KEY: str(FORMAT_VERSION),
+        }
         self._channels[topic] = self._guarded(
             self._writer.register_channel,
             topic, MessageEncoding.CDR, self._schemas[type_name], metadata,
@@ -79,9 +89,13 @@ class LogWriter:
             raise self._failed(error) from error
 
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
-        """Append a named metadata record; all messages so far stand before it in the file."""
+        """Append a named metadata record, sealed; all messages so far stand before it in the file.
+
+        The record of the run also gets what wrote the file: MCAP's own header has no checksum.
+        """
         self.flush()
-        self._guarded(self._writer.add_metadata, name, dict(values))
+        values = {**values, "library": self._library} if name == RUN else values
+        self._guarded(self._writer.add_metadata, name, sealed(name, values))
 
     def attach(self, name: str, media_type: str, text: str, time_ns: int) -> None:
         """Append a text file as attachment, at a simulation time [ns]."""
@@ -90,8 +104,23 @@ class LogWriter:
         )
 
     def flush(self) -> None:
-        """Hand everything so far to the operating system: it survives the end of this process."""
+        """Hand everything so far to the operating system: it survives the end of this process.
+
+        Raises:
+            LogError: it cannot be written, or the file is no longer under its name.
+        """
         self._guarded(self._writer.flush)
+        self._check_present()
+
+    def _check_present(self) -> None:
+        """What is written to a file that was removed meanwhile is nowhere."""
+        try:
+            there = os.stat(self._part)
+        except OSError:
+            there = None
+        mine = os.fstat(self._stream.fileno())
+        if there is None or (there.st_dev, there.st_ino) != (mine.st_dev, mine.st_ino):
+            raise LogError(f"{self._part}: was removed while it was being written")
 
     def close(self) -> Path:
         """Write the index, and give the file its final name.
@@ -106,18 +135,29 @@ class LogWriter:
             self._writer.finish()  # type: ignore[no-untyped-call]
             self._stream.flush()
             os.fsync(self._stream.fileno())
+            self._check_present()
             self._stream.close()
             os.replace(self._part, self.path)
         except OSError as error:
             raise self._failed(error) from error
         return self.path
 
-    def abandon(self) -> None:
-        """Close the file as it is, under its temporary name."""
+    def abandon(self, keep: bool = True) -> None:
+        """Close the file as it is, under its temporary name.
+
+        Args:
+            keep: false: remove it, there is nothing in it that anybody was promised.
+        """
+        try:
+            self._check_present()
+        except (LogError, OSError, ValueError):  # gone, or another's, or closed already
+            keep = True
         try:
             self._stream.close()
         except OSError:
             self._stream.raw.close()  # what was buffered cannot be written
+        if not keep:
+            self._part.unlink(missing_ok=True)
 
     def _guarded(self, action: Callable[..., Any], *arguments: Any) -> Any:
         try:
@@ -127,3 +167,27 @@ class LogWriter:
 
     def _failed(self, error: OSError) -> LogError:
         return LogError(f"{self._part}: cannot be written: {error.strerror or error}")
+
+
+class _Packed:
+    """Index records as the bytes that they become in the end.
+
+    The library keeps them as objects until the file is finished: 1.6 kB for each chunk, three
+    chunks for each impact, for as long as a log goes on. Here it is a tenth of that.
+    """
+
+    def __init__(self) -> None:
+        self._bytes = bytearray()
+
+    def append(self, record: Any) -> None:
+        """Take a record of the index."""
+        builder = RecordBuilder()
+        record.write(builder)
+        self._bytes += builder.end()  # type: ignore[no-untyped-call]
+
+    def __iter__(self) -> Iterator[_Packed]:
+        yield self
+
+    def write(self, builder: RecordBuilder) -> None:
+        """Write all records, as a single one would write itself."""
+        builder.write(self._bytes)

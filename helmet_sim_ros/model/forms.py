@@ -18,6 +18,8 @@ FOAM_ONLY = (
     "liner.density", "liner.energy_returned", "liner.columns", "liner.front.density",
     "liner.foam", "liner.inner.", "liner.back.density", "liner.side.density", "liner.top.density",
 )  # fmt: skip
+#: Values without effect in any spring helmet: its shell is rigid on whatever it strikes.
+BENDING = ("shell.material.", "shell.cell")
 #: What a spring is identified from.
 LINER = ("liner.", "geometry", "shell.semi_axes", "shell.center", "shell.contact_stiffness", "mass")
 
@@ -36,12 +38,14 @@ def worn(helmet: Helmet, changes: Mapping[str, object]) -> Helmet:
     given = spring and not helmet.spring.identified
     if not spring:
         _refuse(other, after, SPRING_ONLY, "helmet.coupling is foam; set it to spring")
-    elif given:
+    else:
+        _refuse(other, after, BENDING, "helmet.coupling is spring; set it to foam")
+    if given:
         _refuse(
             other, after, FOAM_ONLY,
             "the helmet's file gives its own spring; set helmet.coupling to foam, or leave it",
         )  # fmt: skip
-    elif any(name.startswith(LINER) for name in other):
+    elif spring and any(name.startswith(LINER) for name in other):
         own = {name: changes[name] for name in other if name.startswith("spring.")}
         fresh = identified(changed.model_copy(update={"spring": helmet.spring}))
         changed = changed.model_copy(update={"spring": fresh}).replaced(own)

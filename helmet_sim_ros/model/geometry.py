@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.errors import SetupError
+from helmet_sim_ros.resources import find_config
 
 DIGITS = 16  # of the digest in a file's name
 NAME = re.compile(rf"-([0-9a-f]{{{DIGITS}}})\.npz$")
@@ -79,11 +80,12 @@ def read_geometry(path: str) -> Geometry:
         SetupError: no such file, a content that is not the one its name tells, or not a geometry;
             names the file.
     """
+    found = find_config("helmets", path, "geometry", ".npz")
     try:
-        status = Path(path).stat()
+        status = found.stat()
     except OSError as error:
         raise SetupError.of("geometry", path, f"cannot be read: {error.strerror}") from error
-    return _read(path, status.st_mtime_ns, status.st_size)
+    return _read(str(found), status.st_mtime_ns, status.st_size)
 
 
 @lru_cache(maxsize=16)

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from pydantic import Field, model_validator
 
-from helmet_sim_ros.errors import SetupError
+from helmet_sim_ros.errors import Problem, SetupError
 from helmet_sim_ros.model.foams import foam_digest, load_foam
 from helmet_sim_ros.model.geometry import read_geometry
 from helmet_sim_ros.resources import find_config, is_path
@@ -17,6 +17,34 @@ from helmet_sim_ros.schema import Config, quantity
 from helmet_sim_ros.yaml_file import read_yaml
 
 Vector = tuple[float, float, float]
+
+
+class ShellMaterial(Config):
+    """What the shell is made of, for its bending on anything that is not flat.
+
+    Modulus and strength are general literature values of the material, the thickness is the
+    helmet's.
+    """
+
+    name: str = Field("", description="what it is, and where its values come from")
+    thickness: float = quantity("thickness", "m", 0.0, ge=0.0, le=0.01)
+    modulus: float = quantity(
+        "flexural modulus; 0: no bending stiffness", "Pa", 0.0, ge=0.0, le=3e11
+    )
+    poisson: float = quantity("Poisson ratio", "-", 0.3, ge=0.0, le=0.49)
+    strength: float = quantity("flexural strength or yield stress", "Pa", 1e8, ge=1e6, le=5e9)
+
+    @property
+    def bending_stiffness(self) -> float:
+        """D = E t^3 / (12 (1 - nu^2)) [N m]."""
+        return self.modulus * self.thickness**3 / (12.0 * (1.0 - self.poisson**2))
+
+    @property
+    def strongest_curvature(self) -> float:
+        """Curvature [1/m] at which the moment strength t^2 / 6 would be reached elastically."""
+        if self.bending_stiffness == 0.0:
+            return 1.0
+        return self.strength * self.thickness**2 / (6.0 * self.bending_stiffness)
 
 
 class Shell(Config):
@@ -34,6 +62,10 @@ class Shell(Config):
     )  # fmt: skip
     contact_damping: float = quantity(
         "damping c of the normal force k d (1 + c d')", "s/m", 0.15, ge=0.0, le=5.0
+    )
+    material: ShellMaterial = Field(default_factory=ShellMaterial)
+    cell: float = quantity(
+        "grid on which the bending of the shell is computed", "m", 0.01, ge=0.002, le=0.02
     )
 
     contact_returned: float = quantity(
@@ -235,9 +267,12 @@ class Helmet(Config):
     @model_validator(mode="after")
     def _consistent(self) -> Helmet:
         if self.shell.effective_mass > self.mass:
-            raise SetupError.of(
-                "shell.effective_mass", self.shell.effective_mass,
-                f"must not exceed the helmet's mass, {self.mass:g} kg",
+            raise SetupError(
+                [
+                    Problem("mass", self.mass, "must hold that of the struck shell"),
+                    Problem("shell.effective_mass", self.shell.effective_mass,
+                            f"must not exceed the helmet's mass, {self.mass:g} kg"),
+                ]
             )  # fmt: skip
         i = sorted(self.inertia)
         if i[0] <= 0.0 or i[2] > 1.0 or i[0] + i[1] < i[2]:
@@ -262,8 +297,9 @@ def _load(path: Path, _mtime_ns: int) -> Helmet:
     if isinstance(data, dict) and isinstance(data.get("geometry"), str):
         data["geometry"] = str(path.parent.resolve() / data["geometry"])
     liner = data.get("liner") if isinstance(data, dict) else None
-    if isinstance(liner, dict) and is_path(liner.get("foam")):
-        liner["foam"] = str(path.parent.resolve() / liner["foam"])
+    foam = liner.get("foam") if isinstance(liner, dict) else None
+    if isinstance(liner, dict) and isinstance(foam, str) and is_path(foam):
+        liner["foam"] = str(path.parent.resolve() / foam)
     return Helmet.from_mapping(data, str(path))  # type: ignore[no-any-return]
 
 

@@ -28,13 +28,15 @@ from helmet_sim_ros.model.force.bodies import (
     no_loads,
 )
 from helmet_sim_ros.model.force.fit import fit
-from helmet_sim_ros.model.force.foam import residual_strains
-from helmet_sim_ros.model.force.liner import crushing_liner
+from helmet_sim_ros.model.force.foam import LIMIT, LINEAR_FROM, residual_strains
+from helmet_sim_ros.model.force.liner import CrushingLiner, crushing_liner
+from helmet_sim_ros.model.force.shell import plate
 from helmet_sim_ros.model.force.spring import coupling_spring
 from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.loop import Clock, Engine, Forces, Rows, advance
 from helmet_sim_ros.model.rider.neck import overload
 from helmet_sim_ros.model.setup import ImpactSetup
+from helmet_sim_ros.model.watch import most_energy, overloaded
 from helmet_sim_ros.model.world import build
 
 
@@ -92,20 +94,24 @@ class Impact:
             raise PulseError(f"crush: shape {largest.shape}, expected ({count},)")
         self._motion = motion_of(data)
         self._loads = no_loads(parts.model, data.qfrc_applied)
+        liner = crushing_liner(columns, helmet, layout.helmet, shapes, largest)
         self._forces = Forces(
             world.surface,
             coupling_spring(helmet.spring, layout.slide, layout.slide_velocity),
             parts.stops,
             parts.neck.fresh(),
             world.contact,
-            crushing_liner(columns, helmet, layout.helmet, shapes, largest),
+            liner,
+            plate(helmet, liner),
             fit(helmet, setup.head_surface, layout.fit, layout.fit_velocity),
         )
         self._engine = Engine(
             parts.model._address, data._address, data.qacc_smooth, data.qacc, data.xfrc_applied,
-            data.sensordata, data.M, *parts.damped_diagonal, parts.chains,
+            data.sensordata, data.M, *parts.damped_diagonal, parts.chains, data.energy,
         )  # fmt: skip
-        self._clock = Clock(parts.model.opt.timestep, world.substeps)
+        self._clock = Clock(
+            parts.model.opt.timestep, world.substeps, *most_energy(parts.model, data, setup)
+        )
         widths = (parts.model.nq, parts.model.nv, parts.model.nsensordata, 6, 3, (2, COLUMNS), 3)
         self._rows = Rows(*(np.zeros((self.total, *np.atleast_1d(w))) for w in widths))
         self._done = 0
@@ -206,10 +212,12 @@ class Impact:
         """Notes, and of a foam helmet the crush map so far: ``crush`` (largest strain of each
         column), ``residual_crush`` [m], ``column_position`` (n, 3) [m] in the helmet frame."""
         suffered = overload(self.neck, self._rows.qpos[: self._done])
+        suffered += overloaded(self.helmet, self._forces, self._rows, self._done, self._layout)
         extras: dict[str, Any] = {"notes": [*self.notes, *suffered]}
         liner = self._forces.liner
         if len(liner.largest):
             strains = residual_strains(liner.largest, liner.columns.foam)
+            extras["notes"] += bottomed_out(liner)
             extras |= {
                 "crush": liner.largest.copy(),
                 "residual_crush": strains * liner.columns.thickness,
@@ -223,6 +231,21 @@ class Impact:
                 "column_thickness": columns.thickness.copy(),
             }
         return extras
+
+
+def bottomed_out(liner: CrushingLiner) -> list[str]:
+    """Where columns were crushed beyond what their foam has, in words; empty: nowhere."""
+    most = LINEAR_FROM * liner.columns.foam[:, LIMIT]
+    beyond = int(np.argmax(liner.largest - most))
+    if liner.largest[beyond] <= most[beyond]:
+        return []
+    share = float(liner.columns.area[liner.largest > most].sum())
+    x, y, z = liner.columns.point[beyond] * 1e3
+    return [
+        f"the liner bottomed out over {share * 1e4:.1f} cm^2: strain {liner.largest[beyond]:.2f} "
+        f"at ({x:.0f}, {y:.0f}, {z:.0f}) mm in the helmet, where its foam is solid from "
+        f"{most[beyond]:.2f} on"
+    ]
 
 
 def _part(loads: FloatArray, start: int) -> FloatArray:

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.model.compiled import compiled, inlined
-from helmet_sim_ros.model.force import contact, fit, liner, neck, spring, stops
+from helmet_sim_ros.model.force import contact, fit, liner, neck, shell, spring, stops
 from helmet_sim_ros.model.force.bodies import (
     Chains,
     Loads,
@@ -62,9 +62,13 @@ _acceleration = _mujoco_function("mj_fwdAcceleration")
 _rne_post = _mujoco_function("mj_rnePostConstraint")
 _sensor_pos, _sensor_vel = _mujoco_function("mj_sensorPos"), _mujoco_function("mj_sensorVel")
 _sensor_acc = _mujoco_function("mj_sensorAcc")
+_energy_vel = _mujoco_function("mj_energyVel")
 _integrate_pos = types.ExternalFunction(
     "mj_integratePos", types.void(types.intp, types.intp, types.intp, types.double)
 )
+
+
+WATCHED = 10  # samples from one look at the kinetic energy to the next
 
 
 class Engine(NamedTuple):
@@ -78,6 +82,7 @@ class Engine(NamedTuple):
         mass: view of M; ``diagonal``: where its diagonal stands there.
         damping: what the joints' damping adds to the diagonal in an implicit step.
         chains: the kinematic tree.
+        energy: view of MuJoCo's potential and kinetic energy [J].
     """
 
     model: int
@@ -90,6 +95,7 @@ class Engine(NamedTuple):
     diagonal: NDArray[np.int64]
     damping: FloatArray
     chains: Chains
+    energy: FloatArray
 
 
 class Forces(NamedTuple):
@@ -101,6 +107,7 @@ class Forces(NamedTuple):
     neck: neck.CervicalSpine
     contact: contact.Contact
     liner: liner.CrushingLiner
+    shell: shell.Plate
     fit: fit.Fit
 
 
@@ -123,10 +130,18 @@ class Rows(NamedTuple):
 
 
 class Clock(NamedTuple):
-    """Integration step [s], and how many of them make a sample."""
+    """Integration step [s], and how many of them make a sample.
+
+    Attributes:
+        energy: the most kinetic energy that can be, at the start [J]; ``power``: what gravity can
+            add to it [W], ``growth`` its rate of change [W/s].
+    """
 
     step: float
     substeps: int
+    energy: float
+    power: float
+    growth: float
 
 
 @inlined
@@ -169,14 +184,16 @@ def advance(
         rows: samples to write.
 
     Returns:
-        ``last``, or the index of the first sample at or after which the acceleration is not finite.
+        ``last``, or the index of the first sample at or after which the state has left physics: the
+        acceleration is not finite, or there is more kinetic energy than there can be.
     """
     # Arrays are taken out of their tuples once: each access counts references.
     model, data, step = engine.model, engine.data, clock.step
     mass, diagonal, damping = engine.mass, engine.diagonal, engine.damping
     acceleration, qpos, qvel = engine.acceleration, motion.qpos, motion.qvel
-    struck, sprung, stopped, necked, touching, crushing, fitted = forces
+    struck, sprung, stopped, necked, touching, crushing, plate, fitted = forces
     foam = len(crushing.columns.area) > 0
+    bends = shell.spreads(plate, struck)
     damped = damping.any()
     for i in range(first, last):
         for substep in range(clock.substeps):
@@ -191,12 +208,22 @@ def advance(
             contact.apply(touching, struck, step, motion, loads)
             fit.apply(fitted, step, motion, loads)
             if foam:
-                liner.apply(crushing, struck, step, motion, loads)
+                if bends:
+                    shell.apply(plate, crushing, struck, step, motion, loads)
+                else:
+                    liner.apply(crushing, struck, step, motion, loads)
             else:
                 spring.apply(sprung, motion, loads)
             add_generalised(motion, loads, engine.chains)
 
             if substep == 0:
+                if i % WATCHED == 0:
+                    _energy_vel(model, data)
+                    since = i * step * clock.substeps
+                    if engine.energy[1] > clock.energy + since * (
+                        clock.power + since * clock.growth
+                    ):
+                        return i
                 sample(engine, motion, loads, rows, i)
                 if foam:
                     liner.crush(crushing, struck, motion, rows.crush[i])

@@ -113,16 +113,17 @@ def head_in_frame(setup: ImpactSetup) -> FloatArray:
     shape (3, 3).
 
     That frame has z along the outward normal; on flat ground it is the world's. A headform
-    strikes with the axis of ``direction`` straight down. A rider lies with the body axis (feet
+    strikes with the axis of ``direction``, or the one of azimuth and elevation, straight down; the
+    way to the crown points along x. A rider lies with the body axis (feet
     to head) along x, inclined head down by ``body_angle_deg``, turned about it so that the side
     named by ``direction`` faces the surface (``top``: prone), and the head is bent towards the
     chest by the neck flexion.
     """
     down = np.array([0.0, 0.0, -1.0])
-    if setup.rig == "headform":
+    if setup.rig != "rider":
         forward = np.array([1.0, 0.0, 0.0])
-        if setup.site_azimuth_deg is not None:
-            return _site_down(setup.site_azimuth_deg, setup.site_elevation_deg or 0.0)
+        if setup.azimuth_deg is not None or setup.elevation_deg is not None:
+            return _struck_at(*site_deg(setup))
         if setup.direction == "top":
             return _frame("front", forward, down)
         return _frame(setup.direction, down, forward)  # the crown points along x
@@ -137,16 +138,29 @@ def head_in_frame(setup: ImpactSetup) -> FloatArray:
     return rotation
 
 
-def _site_down(azimuth_deg: float, elevation_deg: float) -> FloatArray:
-    """Rotation from the head to the target's frame that turns a site of the helmet straight down,
-    the crown along x as far as it can be."""
-    azimuth, elevation = math.radians(azimuth_deg), math.radians(elevation_deg)
-    level = math.cos(elevation)
-    site = np.array([level * math.cos(azimuth), level * math.sin(azimuth), math.sin(elevation)])
-    # Along the meridian through the site, towards the crown.
-    along = np.array([-site[2] * math.cos(azimuth), -site[2] * math.sin(azimuth), level])
-    of_head = np.column_stack([along, np.cross(along, site), -site])
-    return of_head.T
+#: Azimuth and elevation of each direction [deg].
+SITES = {"front": (0.0, 0.0), "back": (180.0, 0.0), "left": (90.0, 0.0), "right": (-90.0, 0.0),
+         "top": (0.0, 90.0)}  # fmt: skip
+
+
+def site_deg(setup: ImpactSetup) -> tuple[float, float]:
+    """Azimuth and elevation [deg] of the struck point's direction from the head's centre."""
+    azimuth, elevation = SITES[setup.direction]
+    if setup.azimuth_deg is not None:
+        azimuth = setup.azimuth_deg
+    if setup.elevation_deg is not None:
+        elevation = setup.elevation_deg
+    return azimuth, elevation
+
+
+def _struck_at(azimuth_deg: float, elevation_deg: float) -> FloatArray:
+    """Head axes with the struck direction straight down and the way to the crown along x."""
+    a, e = math.radians(azimuth_deg), math.radians(elevation_deg)
+    struck = np.array([math.cos(e) * math.cos(a), math.cos(e) * math.sin(a), math.sin(e)])
+    crown = np.array([-math.sin(e) * math.cos(a), -math.sin(e) * math.sin(a), math.cos(e)])
+    beside = np.cross(-struck, crown)
+    rotation: FloatArray = np.array([crown, beside, -struck])
+    return rotation
 
 
 def _frame(direction: str, facing: FloatArray, up: FloatArray) -> FloatArray:

@@ -43,7 +43,7 @@ class Scene:
 
     Attributes:
         setup: the impact setup.
-        shapes: what to draw, besides the ground plane z = 0.
+        shapes: what to draw of rider and helmet; the surface is ``setup.surface_config``.
         model, data: MuJoCo's, posed by :meth:`pose`; for renderers.
     """
 
@@ -53,7 +53,7 @@ class Scene:
         self.model, self.data = world.parts.model, world.data
         self._layout = world.parts.layout
         model = self.model
-        self._geoms = [g for g in range(model.ngeom) if model.geom(g).name != "ground"]
+        self._geoms = [g for g in range(model.ngeom) if model.geom_bodyid[g] != 0]
         drawn = [
             SceneShape(
                 model.body(model.geom_bodyid[g]).name,

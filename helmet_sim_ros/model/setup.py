@@ -8,16 +8,16 @@ from typing import Any, Literal
 
 from pydantic import Field, model_validator
 
-from helmet_sim_ros.errors import Problem, SetupError
+from helmet_sim_ros.errors import Problem, SetupError, did_you_mean
+from helmet_sim_ros.model.forms import worn
 from helmet_sim_ros.model.head_surface import Head, HeadSurface, load_head_surface
 from helmet_sim_ros.model.headform import Headform, load_headform
 from helmet_sim_ros.model.helmet import Helmet, load_helmet
-from helmet_sim_ros.model.forms import worn
 from helmet_sim_ros.model.rider.properties import RETIRED, Rider, refuse_retired
 from helmet_sim_ros.model.surface.config import SurfaceConfig, load_surface
 from helmet_sim_ros.schema import Config, leaf_values, leaves, quantity
 
-Rig = Literal["rider", "headform"]
+Rig = Literal["rider", "headform", "monorail"]
 Direction = Literal["front", "back", "left", "right", "top"]
 
 #: Flexion of the neck that the rider reaches [deg] (facts: flexion 50 to 60 deg).
@@ -31,18 +31,21 @@ class ImpactSetup(Config):
         SetupError: any refused value, named with its key and the allowed range.
     """
 
-    rig: Rig = Field("rider", description="whole rider, or head and helmet alone")
+    rig: Rig = Field(
+        "rider",
+        description="whole rider; head and helmet alone, in free fall; or on a monorail, which "
+        "does not let the head turn",
+    )
     direction: Direction = Field(
         "left", description="part of the helmet that strikes the surface (side = left)"
     )
-    site_azimuth_deg: float | None = quantity(
-        "instead of direction, where a headform's helmet strikes: heading of the site from the "
-        "front, counter-clockwise seen from above",
-        "deg", None, ge=-360.0, le=360.0,
+    azimuth_deg: float | None = quantity(
+        "without a rider: where around the head it is struck, 0 front, 90 left; unset: as "
+        "direction",
+        "deg", None, ge=-180.0, le=180.0,
     )  # fmt: skip
-    site_elevation_deg: float | None = quantity(
-        "height of that site over the horizontal plane through the head's centre, seen from there; "
-        "unset: 0",
+    elevation_deg: float | None = quantity(
+        "without a rider: how high on the head it is struck, 90 is the crown; unset: as direction",
         "deg", None, ge=-90.0, le=90.0,
     )  # fmt: skip
     normal_velocity: float = quantity(
@@ -99,18 +102,17 @@ class ImpactSetup(Config):
 
     @model_validator(mode="after")
     def _resolvable(self) -> ImpactSetup:
-        for name in ("site_azimuth_deg", "site_elevation_deg"):
-            value = getattr(self, name)
-            if value is not None and self.rig != "headform":
-                raise SetupError.of(name, value, "is for the rig headform; a rider has a pose")
-        if self.site_elevation_deg is not None and self.site_azimuth_deg is None:
-            raise SetupError.of(
-                "site_elevation_deg", self.site_elevation_deg, "needs site_azimuth_deg"
-            )
         if self.duration < 10 * self.time_step:
             raise SetupError.of("duration", self.duration, "must be at least 10 time steps")
         if self.headform is not None:
             self._refuse_two_heads()
+        for key in ("azimuth_deg", "elevation_deg"):
+            if self.rig == "rider" and getattr(self, key) is not None:
+                raise SetupError.of(
+                    key, getattr(self, key),
+                    "must be unset for rig rider: direction, body_angle_deg and neck_flexion_deg "
+                    "place the head",
+                )  # fmt: skip
         # Refuse a bad file now, not when it runs.
         _ = self.helmet_config, self.surface_config, self.head_surface
         return self
@@ -186,6 +188,16 @@ class ImpactSetup(Config):
             return min(90.0 - self.body_angle_deg, MAX_NECK_FLEXION_DEG)
         return 0.0
 
+    def _repr_html_(self) -> str:
+        from helmet_sim_ros.model.helmet import Helmet
+        from helmet_sim_ros.present.html import setup_html
+
+        described, default = self.described(), ImpactSetup().described()
+        every = [*setup_leaves(), *leaves(Helmet, "helmet.")]
+        units = {leaf.name: leaf.unit for leaf in every}
+        changed = [name for name, value in described.items() if value != default[name]]
+        return setup_html(described, units, changed)
+
     def described(self) -> dict[str, Any]:
         """Every value by its dotted name, as plain JSON data, for logs and provenance."""
         values = {name: getattr(self, field) for name, field in _SETUP_KEYS.items()}
@@ -228,7 +240,8 @@ def _apply_overrides(data: dict[str, Any], overrides: Mapping[str, Any]) -> dict
         else:
             raise SetupError.of(
                 f"overrides.{key}", value,
-                "unknown name; use helmet.*, rider.*, head.* or one of " + ", ".join(_SETUP_KEYS),
+                "unknown name; use helmet.*, rider.*, head.* or one of " + ", ".join(_SETUP_KEYS)
+                + did_you_mean(key, _SETUP_KEYS),
             )  # fmt: skip
     for group, named in changes.items():
         if not named:

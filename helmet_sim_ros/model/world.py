@@ -14,8 +14,8 @@ from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.model.force.bodies import Chains, chains
 from helmet_sim_ros.model.force.columns import Columns, as_now, columns, no_columns
 from helmet_sim_ros.model.force.contact import Contact
-from helmet_sim_ros.model.force.neck import CervicalSpine
 from helmet_sim_ros.model.force.fit import ELASTIC
+from helmet_sim_ros.model.force.neck import CervicalSpine
 from helmet_sim_ros.model.force.spring import deepest, law_table, unloading_exponent
 from helmet_sim_ros.model.force.stops import Stops, joint_stops
 from helmet_sim_ros.model.geometry import read_geometry
@@ -38,6 +38,7 @@ STABLE_SHARE = 0.9
 BODY_MARGIN = 1.3  # energy the body feeds into the spring, over that of head and helmet
 OF_THE_SURFACE = -1.0  # friction of the shell: whatever it strikes has its own
 POINT_INERTIA = 1e-9  # kg m^2, of a mass that only translates; MuJoCo takes no zero
+HELD = 1e4  # inertia of a head that a monorail does not let turn, over its own
 ARENA = 1 << 20  # bytes of working memory per simulation
 HELMET_COLOR = (0.20, 0.36, 0.62, 0.9)
 GROUND_COLOR = (0.55, 0.55, 0.55, 1.0)
@@ -120,7 +121,8 @@ def _parts(
         head = spec.worldbody.add_body(name="head")
         head.add_freejoint(name="root")
     segment = _head(rider, form)
-    _rigid(head, segment.mass, [0.0, 0.0, 0.0], list(segment.inertia))
+    held = HELD if rig == "monorail" else 1.0
+    _rigid(head, segment.mass, [0.0, 0.0, 0.0], [held * i for i in segment.inertia])
     _add_helmet(spec, head, helmet)
     _add_sensors(spec, rig)
     model = spec.compile()

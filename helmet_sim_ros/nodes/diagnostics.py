@@ -10,17 +10,21 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from helmet_sim_ros.biomech.result import Criterion, Evaluation
 from helmet_sim_ros.errors import LogError, NodeError
 from helmet_sim_ros.mcap_log.criteria import NOT_EVALUATED, WHOLE, evaluation_of
+from helmet_sim_ros.mcap_log.digest import SETUP_DIGEST
 from helmet_sim_ros.nodes.conversion import stamp
 
 #: From this share of its limit on, a criterion that passes is a warning.
 CLOSE = 0.9
 
 
-def from_evaluation(evaluation: Evaluation, impact_id: str, time_ns: int) -> DiagnosticArray:
+def from_evaluation(
+    evaluation: Evaluation, impact_id: str, time_ns: int, digest: str = ""
+) -> DiagnosticArray:
     """One status per criterion; ``hardware_id`` is the impact.
 
     The values are the fields of :class:`Criterion`, the window as ``t1`` and ``t2``; numbers read
-    back bit for bit. What belongs to the whole evaluation is in the first status.
+    back bit for bit. What belongs to the whole evaluation is in the first status, also the digest
+    of the setup that was judged.
     """
     whole = evaluation.as_dict()
     criteria = whole.pop("criteria")
@@ -31,6 +35,7 @@ def from_evaluation(evaluation: Evaluation, impact_id: str, time_ns: int) -> Dia
         del values["name"]
         if not statuses:
             values |= {WHOLE + key: value for key, value in whole.items()}
+            values[SETUP_DIGEST] = digest
         statuses.append(
             DiagnosticStatus(
                 level=_level(criterion),

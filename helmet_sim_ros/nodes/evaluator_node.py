@@ -7,6 +7,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from pydantic import Field
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
@@ -15,11 +16,13 @@ from helmet_sim_ros.biomech.evaluation import Evaluation, evaluate
 from helmet_sim_ros.biomech.standards import DEFAULT_STANDARD, load_standard
 from helmet_sim_ros.errors import HelmetSimError, IncompleteError, NodeError
 from helmet_sim_ros.mcap_log.blocks import Assembled, Assembler
+from helmet_sim_ros.mcap_log.digest import SETUP_DIGEST, setup_digest
 from helmet_sim_ros.nodes import diagnostics, samples
 from helmet_sim_ros.nodes.conversion import nanoseconds
+from helmet_sim_ros.nodes.outgoing import Outgoing
 from helmet_sim_ros.nodes.parameters import NODE_OPTIONS, Parameters
 from helmet_sim_ros.nodes.process import WALL, answering, run_node
-from helmet_sim_ros.nodes.qos import CRITERIA, SAMPLES_READER
+from helmet_sim_ros.nodes.qos import CRITERIA, CRITERIA_IN_FLIGHT, SAMPLES_READER
 from helmet_sim_ros.schema import Config, leaves
 
 TOPIC = "evaluation/criteria"
@@ -46,41 +49,48 @@ class EvaluatorNode(Node):
         self._settings = Parameters(self, leaves(EvaluatorConfig), _configuration)
         self._assembler = Assembler()
         self._last: dict[str, Any] | None = None
-        self._publisher = self.create_publisher(DiagnosticArray, TOPIC, CRITERIA)
+        publisher = self.create_publisher(DiagnosticArray, TOPIC, CRITERIA)
+        self._outgoing = Outgoing(self, publisher, CRITERIA_IN_FLIGHT)
         self.create_service(Trigger, "~/last_result", self._last_result)
-        self.create_subscription(Float64MultiArray, samples.TOPIC, self._receive, SAMPLES_READER)
+        # A group of its own: no block is looked at while criteria wait for their readers.
+        self.create_subscription(
+            Float64MultiArray, samples.TOPIC, self._receive, SAMPLES_READER,
+            callback_group=MutuallyExclusiveCallbackGroup(),
+        )  # fmt: skip
         self.create_timer(WATCH_PERIOD, self._watch, clock=WALL)
 
-    def _receive(self, message: Float64MultiArray) -> None:
+    async def _receive(self, message: Float64MultiArray) -> None:
         try:
             block = samples.from_message(message)
         except IncompleteError as error:
             self.get_logger().error(f"{samples.TOPIC}: {error}")
             return
         for impact in self._assembler.feed(block):
-            self._judge(impact)
+            await self._judge(impact)
 
-    def _watch(self) -> None:
+    async def _watch(self) -> None:
         if self._assembler.pending and not self.count_publishers(samples.TOPIC):
             for impact in self._assembler.abandon("the simulation is gone"):
-                self._judge(impact)
+                await self._judge(impact)
 
-    def _judge(self, impact: Assembled) -> None:
+    async def _judge(self, impact: Assembled) -> None:
         end = 0.0 if impact.record is None else float(impact.record.time[-1])
         time_ns = nanoseconds(impact.start_time, end)
         result, problem = self._evaluated(impact)
+        digest = _digest(impact)
         if result is not None:
-            array = diagnostics.from_evaluation(result, impact.impact_id, time_ns)
+            array = diagnostics.from_evaluation(result, impact.impact_id, time_ns, digest)
         else:
             self.get_logger().warning(problem)
             array = diagnostics.from_problem(problem, impact.impact_id, time_ns)
-        self._publisher.publish(array)
         self._last = {
             "impact_id": impact.impact_id,
+            SETUP_DIGEST: digest,
             "start_time": impact.start_time,
             "problem": problem,
             "evaluation": result.as_dict() if result else None,
         }
+        await self._outgoing.send(array)
 
     def _evaluated(self, impact: Assembled) -> tuple[Evaluation | None, str]:
         if impact.record is None:
@@ -100,6 +110,14 @@ class EvaluatorNode(Node):
         if self._last["problem"]:
             raise NodeError(text)
         return text
+
+
+def _digest(impact: Assembled) -> str:
+    """Digest of the setup that is judged; empty for one that has none."""
+    try:
+        return "" if impact.record is None else setup_digest(impact.record.setup)
+    except (TypeError, ValueError, RecursionError):  # not from a simulation of ours
+        return ""
 
 
 def _configuration(values: dict[str, Any]) -> EvaluatorConfig:

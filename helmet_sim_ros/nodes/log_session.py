@@ -5,18 +5,21 @@ from __future__ import annotations
 import hashlib
 import json
 import platform
+import warnings
 from collections.abc import Callable
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
 
 from helmet_sim_ros.biomech.record import ImpactRecord, from_block
+from helmet_sim_ros.errors import LogError, SetupError
 from helmet_sim_ros.mcap_log.blocks import Assembled, Block
-from helmet_sim_ros.mcap_log.layout import FORMAT_VERSION, IMPACT, RUN
+from helmet_sim_ros.mcap_log.digest import SETUP_DIGEST
+from helmet_sim_ros.mcap_log.layout import FORMAT_VERSION, IMPACT, NO_CRITERIA, RUN
 from helmet_sim_ros.mcap_log.writer import LogWriter
 from helmet_sim_ros.model.setup import setup_from_names
 from helmet_sim_ros.nodes import samples
@@ -39,6 +42,7 @@ class LogSession:
         path: its final name.
         config: scenario text and name to attach.
         resolve: relative topic name -> the name in the log.
+        warn: told what is left out of the log.
 
     Attributes:
         path: its final name.
@@ -46,16 +50,31 @@ class LogSession:
         end_ns: latest simulation time in it [ns].
     """
 
-    def __init__(self, path: Path, config: RecorderConfig, resolve: Callable[[str], str]) -> None:
+    def __init__(
+        self,
+        path: Path,
+        config: RecorderConfig,
+        resolve: Callable[[str], str],
+        warn: Callable[[str], object] = warnings.warn,
+    ) -> None:
         self.path = path
+        self._warn = warn
         self.impacts = 0
         self.end_ns = 0
         self._resolve = resolve
         self._models: dict[str, str] = {}
         self._first: Block | None = None
         self._scene: SceneMarkers | None = None
-        self._writer = LogWriter(path, f"helmet_sim_ros {_version('helmet_sim_ros')}")
         self._topics = {channel.topic: resolve(channel.topic) for channel in CHANNELS}
+        self._writer = LogWriter(path, f"helmet_sim_ros {_version('helmet_sim_ros')}")
+        try:
+            self._begin(config)
+        except LogError:
+            self._writer.abandon(keep=False)
+            raise
+
+    def _begin(self, config: RecorderConfig) -> None:
+        resolve = self._resolve
         for channel in CHANNELS:
             self._writer.add_channel(resolve(channel.topic), channel.type_name, as_yaml(LIVE))
         for topic, kind, qos in (
@@ -78,7 +97,11 @@ class LogSession:
         """Append a block: every sample on every channel, then the block itself."""
         if block.first == 0 and block.setup is not None:
             self._first = block
-            self._scene = SceneMarkers(setup_from_names(block.setup))
+            self._scene = None
+            try:
+                self._scene = SceneMarkers(setup_from_names(block.setup))
+            except SetupError as error:  # a helmet that this node may not or cannot open
+                self._warn(f"impact {block.impact_id}: no scene in the log: {error}")
         if len(block.data) and self._first is not None:
             record = from_block(list(block.labels), block.data, self._first.setup)
             self._add_samples(record, block.first, block.start_time)
@@ -109,6 +132,8 @@ class LogSession:
         }
         if first is not None and first.impact_id == impact.impact_id:
             values["setup"] = json.dumps(first.setup)
+            if first.setup_digest is not None:
+                values[SETUP_DIGEST] = first.setup_digest
             if first.model is not None:
                 values["model"] = self._attach_model(first.model)
         self._writer.add_metadata(IMPACT + impact.impact_id, values)
@@ -123,20 +148,31 @@ class LogSession:
             self._writer.attach(self._models[digest], "application/xml", text, self.end_ns)
         return self._models[digest]
 
-    def add_criteria(self, message: Any) -> None:
-        """Append the criteria of an impact."""
-        time = message.header.stamp
-        time_ns = time.sec * 1_000_000_000 + time.nanosec
-        topic = self._resolve(CRITERIA_TOPIC)
-        self._writer.write(topic, time_ns, serialize_message(message))
+    def add_criteria(self, message: DiagnosticArray) -> None:
+        """Append the criteria of an impact; they survive a crash from here on."""
+        stamp = message.header.stamp
+        time_ns = stamp.sec * 1_000_000_000 + stamp.nanosec
+        self.add_serialized_criteria(time_ns, serialize_message(message))
+
+    def add_serialized_criteria(self, time_ns: int, serialized: bytes) -> None:
+        """The same for a message as it came, and its time."""
+        self._writer.write(self._resolve(CRITERIA_TOPIC), time_ns, serialized)
+        self._writer.flush()
+
+    def note_no_criteria(self, impact_id: str, reason: str) -> None:
+        """Note why an impact has no criteria in this log."""
+        self._writer.add_metadata(NO_CRITERIA + impact_id, {"reason": reason})
         self._writer.flush()
 
     def close(self) -> Path:
-        """Finish the file under its final name; if that fails, leave what there is as ``.part``."""
+        """Finish the file under its final name.
+
+        If that fails, what there is stays as ``.part``, unless no impact in it is complete.
+        """
         try:
             return self._writer.close()
         except Exception:
-            self._writer.abandon()
+            self._writer.abandon(keep=self.impacts > 0)
             raise
 
 

@@ -33,8 +33,18 @@ NODE_OPTIONS = {
     "allow_undeclared_parameters": True,
 }
 
+#: Parameter of every node.
+CONFIG_PATHS = Leaf(
+    "config_paths", tuple, (), "",
+    "files, and folders of files, that clients may name beside those in config/; read-only",
+)  # fmt: skip
+
 #: Parameters that ROS itself declares on every node.
 _OF_ROS = ("use_sim_time", "start_type_description_service", "qos_overrides")
+#: How much text is read as a list, in characters.
+LONGEST_LIST = 1000
+#: Values that stay as they were at the start.
+_FIXED = (CONFIG_PATHS.name,)
 _UNSET_WORDS = ("", "none", "null", "unset")
 
 
@@ -69,19 +79,22 @@ class Parameters(Generic[T]):
         changed: Callable[[], None] = lambda: None,
     ) -> None:
         self._node = node
-        self._leaves = {leaf.name: leaf for leaf in leaves}
-        self._build, self._expand = build, expand
-        self._refuse, self._changed = refuse, changed
+        self._leaves = {leaf.name: leaf for leaf in (*leaves, CONFIG_PATHS)}
+        self._make = build
+        self._expand, self._refuse, self._changed = expand, refuse, changed
         defaults = {name: leaf.default for name, leaf in self._leaves.items()}
         given = {name: coerced(self._leaves[name], v) for name, v in self._given().items()}
         self._values = defaults | expand(given, defaults)
-        self.value = build(self._values)
+        self.value = self._build(self._values)
         self._next = self._values, self.value
         for name in self._leaves:
             self._declare(name)
         node.add_pre_set_parameters_callback(self._before)
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._after)
+
+    def _build(self, values: Values) -> T:
+        return self._make({name: v for name, v in values.items() if name not in _FIXED})
 
     def _given(self) -> Values:
         """Take the values of the command line and of parameter files off the node."""
@@ -110,7 +123,9 @@ class Parameters(Generic[T]):
         own = {p.name: p.value for p in parameters if p.name in self._leaves}
         others = [p for p in parameters if p.name not in own]
         changes = {name: coerced(self._leaves[name], value) for name, value in own.items()}
-        with suppress(SetupError):  # refused in _check, where a reason can be given
+        # Whatever is wrong is refused in _check, which gives a reason: what is raised here would
+        # leave the client without any answer.
+        with suppress(Exception):
             changes = self._expand(changes, self._values)
         return others + [_parameter(name, value) for name, value in changes.items()]
 
@@ -128,9 +143,12 @@ class Parameters(Generic[T]):
                 values = self._values | changes
                 self._next = values, self._build(values)
         except HelmetSimError as error:
-            return SetParametersResult(successful=False, reason=str(error))
+            reason = str(error)
+            if not any(p.name in reason for p in parameters):  # a value that was there before
+                reason = f"{_shown(changes)} does not go with {reason}"
+            return SetParametersResult(successful=False, reason=reason)
         except Exception as error:
-            reason = f"unexpected {type(error).__name__}: {error}"
+            reason = f"{_shown(changes)}: unexpected {type(error).__name__}: {error}"
             return SetParametersResult(successful=False, reason=reason)
         return SetParametersResult(successful=True)
 
@@ -147,6 +165,10 @@ class Parameters(Generic[T]):
             self._changed()
 
 
+def _shown(changes: Values) -> str:
+    return ", ".join(f"{name} = {value!r:.40}" for name, value in sorted(changes.items()))
+
+
 def described(leaf: Leaf) -> ParameterDescriptor:
     """Meaning, unit and range of a parameter.
 
@@ -159,6 +181,7 @@ def described(leaf: Leaf) -> ParameterDescriptor:
         description=leaf.description + unit,
         additional_constraints=leaf.allowed,
         dynamic_typing=True,
+        read_only=leaf.name in _FIXED,
     )
     if leaf.type is float:
         low = -sys.float_info.max if leaf.minimum is None else leaf.minimum
@@ -193,8 +216,8 @@ def coerced(leaf: Leaf, value: Any) -> Any:
 def _vector(leaf: Leaf, value: Any) -> Any:
     if isinstance(value, str):  # the command line takes [1, 0.5] for text
         try:
-            value = yaml.safe_load(value)
-        except yaml.YAMLError:
+            value = yaml.safe_load(value[:LONGEST_LIST])
+        except (yaml.YAMLError, ValueError, RecursionError):
             return value
     numbers = (int, float)
     if leaf.length and isinstance(value, list | tuple) and all(type(v) in numbers for v in value):

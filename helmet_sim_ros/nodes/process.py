@@ -20,19 +20,25 @@ from rclpy.task import Future
 
 from helmet_sim_ros.errors import HelmetSimError, SetupError
 from helmet_sim_ros.nodes.environment import prepare_environment
+from helmet_sim_ros.nodes.parameters import CONFIG_PATHS
 from helmet_sim_ros.nodes.teardown import ending_anyway
+from helmet_sim_ros.resources import restrict_reach
 
 #: Wall clock for timers: a node may run with use_sim_time while simulation time stands still.
 WALL = Clock(clock_type=ClockType.STEADY_TIME)
 
 #: How long a signal may wait until an idle node notices it [s].
 _POLL = 0.1
+#: How long a node that was told to end may wait for what is on its way to it [s].
+LEAVING = 3.0
 #: How long the middleware may take to leave the network, everything of ours being done [s].
 TEARDOWN = 5.0
 
 
 def run_node(name: str, create: Callable[[], Node], args: list[str] | None = None) -> int:
     """Create a node and serve it until SIGINT or SIGTERM, then let it ``close()`` in peace.
+
+    A node that has ``leaving()`` is served a little longer, while that gives true.
 
     Args:
         name: for messages.
@@ -55,9 +61,13 @@ def run_node(name: str, create: Callable[[], Node], args: list[str] | None = Non
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         node = create()
+        restrict_reach(node.get_parameter(CONFIG_PATHS.name).value or ())
         executor = SingleThreadedExecutor()
         executor.add_node(node)
         while not stopped and rclpy.ok():
+            _serve(executor, node)
+        patience = time.monotonic() + LEAVING
+        while getattr(node, "leaving", bool)() and rclpy.ok() and time.monotonic() < patience:
             _serve(executor, node)
     except ExternalShutdownException:
         pass

@@ -5,8 +5,9 @@ from __future__ import annotations
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 #: Blocks of ``impact/samples`` that may be on their way to the slowest reader. The writer waits
-#: for acknowledgements before it would overwrite one.
-SAMPLES_IN_FLIGHT = 100
+#: for acknowledgements before it would overwrite one. A reader of ours holds 50 unread messages
+#: (``config/middleware``) and acknowledges no more, so nobody runs far ahead of it.
+SAMPLES_IN_FLIGHT = 50
 
 #: Writer of ``impact/samples``.
 SAMPLES_WRITER = QoSProfile(
@@ -23,12 +24,27 @@ LATCHED = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
     depth=1,
 )
+#: Reader of a state topic that wants what came between as well.
+STATUS_READER = QoSProfile(
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+    history=HistoryPolicy.KEEP_LAST,
+    depth=50,
+)
 #: ``evaluation/criteria``: latched, and deep enough for a client that is busy for a while.
 CRITERIA = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
     history=HistoryPolicy.KEEP_LAST,
     depth=100,
+)
+#: Evaluations that may be on their way; the evaluator waits before it would overwrite one.
+CRITERIA_IN_FLIGHT = 50
+#: Reader of ``evaluation/criteria`` that may not miss any.
+CRITERIA_READER = QoSProfile(
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+    history=HistoryPolicy.KEEP_ALL,
 )
 #: Live view, decimated.
 LIVE = QoSProfile(

@@ -10,17 +10,28 @@ from pydantic import Field, model_validator
 
 from helmet_sim_ros.errors import SetupError
 from helmet_sim_ros.mcap_log.writer import PART
+from helmet_sim_ros.names import check_file_name, check_path
 from helmet_sim_ros.schema import Config, quantity
 
 SUFFIX = ".mcap"
+#: Longest file name from outside [byte]; a number and suffixes follow it.
+LONGEST_NAME = 200
+#: Longest scenario name [byte]; the time of day follows it as well.
+LONGEST_SCENARIO = 150
 
 
 class RecorderConfig(Config):
     """What is recorded where."""
 
-    output_dir: str = Field("logs", description="directory of the logs; created if missing")
+    output_dir: str = Field(
+        "logs",
+        description="directory of the logs, created if missing; while the node runs, only "
+        "directories inside the one it was started with",
+    )
     file_name: str = Field(
-        "", description="name of the log in output_dir; empty: scenario and time of day (UTC)"
+        "",
+        description="name of the log in output_dir, at most 200 bytes; empty: scenario and time of "
+        "day (UTC)",
     )
     max_impacts: int = quantity(
         "impacts per file, then the next one begins; 0: no limit", "", 0, ge=0, le=1_000_000
@@ -32,16 +43,34 @@ class RecorderConfig(Config):
     scenario_text: str = Field("", description="scenario file, attached to the log")
 
     @model_validator(mode="after")
-    def _inside(self) -> RecorderConfig:
-        name = self.file_name
-        if name and (name != Path(name).name or name.startswith(".") or "\0" in name):
-            raise SetupError.of("file_name", name, "must be a plain file name, without a directory")
+    def _names(self) -> RecorderConfig:
+        check_path("output_dir", self.output_dir)
+        if self.file_name:
+            check_file_name("file_name", self.file_name, LONGEST_NAME)
+        check_path("scenario_name", self.scenario_name, LONGEST_SCENARIO)
         return self
 
     @property
     def place(self) -> tuple[str, str, str, str]:
         """What, when it changes, makes the next impact begin another file."""
         return self.output_dir, self.file_name, self.scenario_name, self.scenario_text
+
+
+def check_inside(config: RecorderConfig, root: Path) -> None:
+    """Refuse an output directory outside of the one that the operator chose.
+
+    Raises:
+        SetupError: it is outside, also by way of a link.
+    """
+    try:
+        inside = Path(config.output_dir).resolve().is_relative_to(root)
+    except (OSError, RuntimeError):  # a loop of links
+        inside = False
+    if not inside:
+        raise SetupError.of(
+            "output_dir", config.output_dir,
+            f"must be inside {root}, the directory that the recorder was started with",
+        )  # fmt: skip
 
 
 def check_writable(config: RecorderConfig) -> RecorderConfig:

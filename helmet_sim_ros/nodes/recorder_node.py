@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import time
 from collections import OrderedDict
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.callback_groups import ReentrantCallbackGroup
@@ -17,47 +18,77 @@ from std_srvs.srv import Trigger
 
 from helmet_sim_ros.errors import HelmetSimError, IncompleteError, LogError, NodeError
 from helmet_sim_ros.mcap_log.blocks import Assembled, Assembler, Block
+from helmet_sim_ros.mcap_log.criteria import digest_of
 from helmet_sim_ros.nodes import samples
 from helmet_sim_ros.nodes.conversion import nanoseconds
 from helmet_sim_ros.nodes.log_session import CRITERIA_TOPIC, LogSession
 from helmet_sim_ros.nodes.parameters import NODE_OPTIONS, Parameters
 from helmet_sim_ros.nodes.process import WALL, answering, run_node, wait
-from helmet_sim_ros.nodes.qos import CRITERIA, LATCHED, SAMPLES_READER
-from helmet_sim_ros.nodes.recorder_config import RecorderConfig, check_writable, free_path
+from helmet_sim_ros.nodes.qos import CRITERIA_READER, LATCHED, SAMPLES_READER
+from helmet_sim_ros.nodes.recorder_config import (
+    RecorderConfig,
+    check_inside,
+    check_writable,
+    free_path,
+)
 from helmet_sim_ros.schema import leaves
 
-#: ``~/finish`` waits for what is still on its way: until nothing is open and no samples came for
-#: ``QUIET``, or something is open but no samples came for ``PATIENCE``; at most ``LONGEST`` [s].
+#: ``~/finish`` waits for what is still on its way: until every impact has its criteria or a reason,
+#: nothing is open and no samples came for ``QUIET``, or something is open but no samples came for
+#: ``PATIENCE``; at most ``LONGEST`` [s].
 QUIET = 0.1
 PATIENCE = 3.0
 LONGEST = 60.0
 #: How long after its start this node may not yet know of an evaluator that runs [s].
 DISCOVERY = 3.0
-#: Criteria kept for impacts whose samples have not been written yet.
-CRITERIA_KEPT = 200
+#: How long an impact waits for its criteria after the evaluator was last heard [s].
+CRITERIA_TIMEOUT = 30.0
+#: Criteria kept for impacts whose samples have not been written yet: more than the 5000 blocks that
+#: Fast DDS may hold unread for this node where the user chose profiles of his own.
+CRITERIA_KEPT = 6000
 #: How often the node looks whether anybody sends at all [s].
 WATCH_PERIOD = 0.2
+
+
+class _Judged(NamedTuple):
+    """Criteria that arrived: digest of the setup, simulation time, the message as it came."""
+
+    digest: str
+    time_ns: int
+    serialized: bytes
+
+
+class _Awaiting(NamedTuple):
+    """An impact that is written, but not yet judged."""
+
+    session: LogSession
+    digest: str
+    complete: bool
+    since: float
 
 
 class RecorderNode(Node):
     """Begins a file with the first impact; ends it on ``~/finish``, a limit, or a signal.
 
-    ``~/status`` names the last impact that is completely in the file, with its criteria where an
-    evaluator runs.
+    ``~/status`` names the last impact that is on disk: every sample, the criteria (or, in words,
+    why there are none), handed to the operating system before it is told.
     """
 
     def __init__(self) -> None:
         super().__init__("recorder", **NODE_OPTIONS)
         self._assembler = Assembler()
         self._session: LogSession | None = None
-        self._awaiting: dict[str, Assembled] = {}  # complete, but without criteria so far
+        self._retired: list[LogSession] = []  # full, but criteria for them are still on their way
+        self._awaiting: dict[str, _Awaiting] = {}
         # Criteria by impact; the evaluator may well be ahead of this node.
-        self._criteria: OrderedDict[str, Any] = OrderedDict()
-        self._started = time.monotonic()
+        self._criteria: OrderedDict[str, _Judged] = OrderedDict()
+        self._digest = ""  # of the setup of the impact that is being written
+        self._started = self._judged_last = time.monotonic()
         self._heard = 0.0  # when samples last arrived, wall time
-        self._last = {"impact_id": "", "path": "", "impacts": 0}
+        self._root: Path | None = None  # where logs may go
+        self._last: dict[str, Any] = {"impact_id": "", "path": "", "impacts": 0, "criteria": ""}
         self._settings = Parameters(
-            self, leaves(RecorderConfig), _configuration,
+            self, leaves(RecorderConfig), self._configuration,
             refuse=self._busy_reason, changed=self._moved,
         )  # fmt: skip
         self._place = self._settings.value.place
@@ -68,9 +99,15 @@ class RecorderNode(Node):
         self.create_subscription(
             Float64MultiArray, samples.TOPIC, self._receive, SAMPLES_READER, raw=True
         )
-        self.create_subscription(DiagnosticArray, CRITERIA_TOPIC, self._judged, CRITERIA)
+        self.create_subscription(
+            DiagnosticArray, CRITERIA_TOPIC, self._judged, CRITERIA_READER, raw=True
+        )
         self.create_timer(WATCH_PERIOD, self._watch, clock=WALL)
         self._tell("waiting for an impact")
+
+    def leaving(self) -> bool:
+        """Whether what is written still waits for its criteria; the process wants to end."""
+        return bool(self._awaiting)
 
     def close(self) -> None:
         """Finish the log, whatever is in it; the process ends."""
@@ -92,6 +129,8 @@ class RecorderNode(Node):
             self._record(block, serialized)
         except HelmetSimError as error:
             self._failed(error)
+        finally:
+            self._heard = time.monotonic()
 
     def _record(self, block: Block, serialized: bytes) -> None:
         ended = self._assembler.feed(block)
@@ -102,13 +141,20 @@ class RecorderNode(Node):
         expected = self._assembler.pending == block.impact_id
         if expected or block.aborted or any(impact.record for impact in mine):
             self._session_for(block).add(block, serialized)
+            if block.first == 0:
+                self._digest = block.setup_digest or ""
         for impact in mine:
             self._end_impact(impact)
 
-    def _judged(self, message: DiagnosticArray) -> None:
+    def _judged(self, serialized: bytes) -> None:
+        message = deserialize_message(serialized, DiagnosticArray)
         if not message.status:
             return
-        self._criteria[message.status[0].hardware_id] = message
+        self._judged_last = time.monotonic()
+        stamp = message.header.stamp
+        self._criteria[message.status[0].hardware_id] = _Judged(
+            digest_of(message), stamp.sec * 1_000_000_000 + stamp.nanosec, serialized
+        )
         while len(self._criteria) > CRITERIA_KEPT:
             self._criteria.popitem(last=False)
         try:
@@ -135,10 +181,13 @@ class RecorderNode(Node):
             again = nanoseconds(block.start_time, 0.0) <= session.end_ns
             if again or self._full(session):
                 self._session = None
-                self._finished(session)
+                self._retired.append(session)
+                self._finish_retired()
         if self._session is None:
             config = check_writable(self._settings.value)
-            self._session = LogSession(free_path(config), config, self.resolve_topic_name)
+            self._session = LogSession(
+                free_path(config), config, self.resolve_topic_name, self.get_logger().warning
+            )
             self._last |= {"path": str(self._session.path), "impacts": 0}
             self._tell("recording")
         return self._session
@@ -148,30 +197,54 @@ class RecorderNode(Node):
             self.get_logger().warning(impact.problem)
         if self._session is not None:
             self._session.end_impact(impact)
-            self._awaiting[impact.impact_id] = impact
+            self._awaiting[impact.impact_id] = _Awaiting(
+                self._session, self._digest, impact.record is not None, time.monotonic()
+            )
             self._settle()
 
     def _settle(self) -> None:
         """Write criteria that have arrived, and tell which impacts are done with."""
-        for impact_id in list(self._awaiting):
-            message = self._criteria.pop(impact_id, None)
-            if message is None and self._evaluator_expected():
-                continue
-            del self._awaiting[impact_id]
-            if self._session is None:
-                continue
-            if message is not None:
-                self._session.add_criteria(message)
-            self._last |= {"impact_id": impact_id, "impacts": self._session.impacts}
-            self._tell("recording")
+        for impact_id, awaiting in list(self._awaiting.items()):
+            judged = self._criteria.pop(impact_id, None)
+            reason = self._no_criteria(awaiting, judged)
+            if judged is not None or reason:
+                del self._awaiting[impact_id]
+                self._settled(impact_id, awaiting.session, judged, reason)
+        self._finish_retired()
         settled = not self._awaiting and not self._assembler.pending
         if self._session and settled and self._full(self._session):
             self._close_log("")
 
-    def _evaluator_expected(self) -> bool:
-        """Whether criteria may still come: an evaluator is there, or may not yet be discovered."""
-        young = time.monotonic() < self._started + DISCOVERY
-        return young or self.count_publishers(CRITERIA_TOPIC) > 0
+    def _settled(
+        self, impact_id: str, session: LogSession, judged: _Judged | None, reason: str
+    ) -> None:
+        """Write the criteria of an impact, or why it has none, and then tell that it is on disk."""
+        message, level = "recording", DiagnosticStatus.OK
+        if judged is not None and not reason:
+            session.add_serialized_criteria(judged.time_ns, judged.serialized)
+        else:
+            session.note_no_criteria(impact_id, reason)
+            message, level = f"impact {impact_id} has no criteria: {reason}", DiagnosticStatus.WARN
+            self.get_logger().warning(message)
+        self._last |= {"impact_id": impact_id, "impacts": session.impacts}
+        self._last |= {"path": str(session.path), "criteria": reason or "logged"}
+        self._tell(message, level)
+
+    def _no_criteria(self, awaiting: _Awaiting, judged: _Judged | None) -> str:
+        """Why an impact gets no criteria; empty while they may still come, or if they are right."""
+        now = time.monotonic()
+        if judged is not None:
+            # Criteria that say what is missing have no setup.
+            digests = {judged.digest, awaiting.digest} - {""}
+            foreign = awaiting.complete and len(digests) == 2
+            return "those that came are of another setup" if foreign else ""
+        if now < self._started + DISCOVERY:  # an evaluator may not yet be discovered
+            return ""
+        if not self.count_publishers(CRITERIA_TOPIC):
+            return "no evaluator runs"
+        if now > max(awaiting.since, self._judged_last) + CRITERIA_TIMEOUT:
+            return f"the evaluator gave none within {CRITERIA_TIMEOUT:g} s"
+        return ""
 
     def _full(self, session: LogSession) -> bool:
         config = self._settings.value
@@ -182,28 +255,42 @@ class RecorderNode(Node):
 
     @answering
     async def _finish(self, request: Any) -> str:
-        if self._session is None:
+        if self._session is None and not self._retired:
             raise NodeError("no log is open")
         began = self._heard = time.monotonic()
         while self._on_its_way() and time.monotonic() < began + LONGEST:
             await wait(self, Future(), 0.01)
-        self._close_log("the log was finished by a client")
+        try:
+            self._close_log("the log was finished by a client")
+        except LogError as error:
+            self._failed(error)
+            raise
         return json.dumps(self._last)
 
     def _on_its_way(self) -> bool:
-        still = self._awaiting or self._assembler.pending
-        return time.monotonic() < self._heard + (PATIENCE if still else QUIET)
+        if self._awaiting:
+            return True  # not for ever: see _no_criteria
+        quiet = PATIENCE if self._assembler.pending else QUIET
+        return time.monotonic() < self._heard + quiet
 
     def _close_log(self, reason: str) -> None:
-        """Finish the open file, if any; an impact under way ends there."""
-        session = self._session
-        if session is None:
-            return
-        for impact in self._assembler.abandon(reason):
-            session.end_impact(impact)
-        self._session = None
-        self._awaiting.clear()
-        self._finished(session)
+        """Finish what is open; an impact under way ends there."""
+        session, self._session = self._session, None
+        waiting, self._awaiting = self._awaiting, {}
+        if session is not None:
+            self._retired.append(session)
+            for impact in self._assembler.abandon(reason):
+                session.end_impact(impact)
+        for impact_id, awaiting in waiting.items():
+            awaiting.session.note_no_criteria(impact_id, reason or "the log was finished before")
+        self._finish_retired()
+
+    def _finish_retired(self) -> None:
+        """Finish every file whose impacts all have their criteria."""
+        for session in list(self._retired):
+            if not any(awaiting.session is session for awaiting in self._awaiting.values()):
+                self._retired.remove(session)
+                self._finished(session)
 
     def _finished(self, session: LogSession) -> None:
         path = session.close()
@@ -215,9 +302,9 @@ class RecorderNode(Node):
         """The disk is full or gone: close what there is; the next impact tries a new file."""
         self.get_logger().error(str(error))
         self._assembler.abandon(str(error))
-        session, self._session = self._session, None
-        self._awaiting.clear()
-        if session is not None:
+        sessions = [*self._retired, *([self._session] if self._session else [])]
+        self._session, self._retired, self._awaiting = None, [], {}
+        for session in sessions:
             try:
                 session.close()
             except LogError as again:
@@ -225,6 +312,13 @@ class RecorderNode(Node):
         self._tell(str(error), DiagnosticStatus.ERROR)
 
     # parameters and status
+
+    def _configuration(self, values: dict[str, Any]) -> RecorderConfig:
+        config = RecorderConfig(**values)
+        if self._root is None:  # as the operator started it
+            self._root = Path(config.output_dir).resolve()
+        check_inside(config, self._root)
+        return check_writable(config)
 
     def _busy_reason(self) -> str:
         pending = self._assembler.pending
@@ -243,10 +337,6 @@ class RecorderNode(Node):
         self._status.publish(
             DiagnosticStatus(level=level, name="recorder", message=message, values=values)
         )
-
-
-def _configuration(values: dict[str, Any]) -> RecorderConfig:
-    return check_writable(RecorderConfig(**values))
 
 
 def main(args: list[str] | None = None) -> int:

@@ -8,15 +8,17 @@ deadline; a case that fails is told as failed, and the matrix goes on.
 ``done``, ``failed``, ``cases``, ``elapsed_s``, ``left_s``. ``~/run`` answers at the end, with the
 result as JSON: ``scenario``, ``complete``, ``error``, ``file``, ``reference``, and in ``cases`` one
 row each with ``name``, ``status`` (evaluated, failed, cancelled), ``error``, ``impact_id``,
-``recorded``, ``setup``, ``evaluation``, ``reference``.
+``recorded``, ``setup``, ``setup_digest``, ``evaluation``, ``reference``. A case whose impact or
+criteria carry another digest than the setup that was asked for has failed.
 """
 
 from __future__ import annotations
 
 import json
 import time
+from collections import OrderedDict
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from pydantic import Field
@@ -29,25 +31,32 @@ from rclpy.task import Future
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from helmet_sim_ros.errors import HelmetSimError, NodeError
+from helmet_sim_ros.errors import HelmetSimError, NodeError, SetupError
+from helmet_sim_ros.mcap_log.criteria import digest_of
+from helmet_sim_ros.mcap_log.digest import SETUP_DIGEST, setup_digest
 from helmet_sim_ros.model.setup import ImpactSetup
 from helmet_sim_ros.nodes.diagnostics import to_evaluation
 from helmet_sim_ros.nodes.parameters import NODE_OPTIONS, Parameters, renamed, without_prefix
 from helmet_sim_ros.nodes.process import answering, run_node, wait
-from helmet_sim_ros.nodes.qos import CRITERIA, LATCHED
+from helmet_sim_ros.nodes.qos import CRITERIA, LATCHED, STATUS_READER
 from helmet_sim_ros.nodes.setup_parameters import NOT_A_PARAMETER
 from helmet_sim_ros.schema import Config, leaves, quantity
 from helmet_sim_ros.study.scenario.matrix import Case, Scenario, load_scenario
 from helmet_sim_ros.study.scenario.overrides import parse_overrides
 
-#: How long the other nodes may take to appear [s].
-START_TIMEOUT = 30.0
+#: How long the other nodes may take to appear [s]; the simulation compiles when it is first used.
+START_TIMEOUT = 180.0
 #: How long short questions (parameters, the end of a log) may take [s].
 ANSWER_TIMEOUT = 10.0
 #: How often a wait looks whether the node it waits for is still there [s].
 PULSE = 0.1
 
+#: How many impacts of other clients may come between an impact and its turn here.
+REMEMBERED = 100
+
 PREFIX = "scenario."
+
+T = TypeVar("T")
 
 
 class ScenarioOptions(Config):
@@ -79,7 +88,9 @@ class ScenarioNode(Node):
             self, renamed(leaves(ScenarioOptions), PREFIX), _options, refuse=self._busy_reason
         )
         self._changed = Future()
-        self._criteria: dict[str, DiagnosticArray] = {}
+        # By impact: other clients may have theirs run in between.
+        self._criteria: OrderedDict[str, DiagnosticArray] = OrderedDict()
+        self._on_disk: OrderedDict[str, dict[str, str]] = OrderedDict()
         self._status: dict[str, dict[str, str]] = {"simulation": {}, "recorder": {}}
         self._state: dict[str, Any] = {}
         group = ReentrantCallbackGroup()
@@ -97,7 +108,7 @@ class ScenarioNode(Node):
         )
         for name in self._status:
             self.create_subscription(
-                DiagnosticStatus, f"{name}/status", self._heard, LATCHED, callback_group=group
+                DiagnosticStatus, f"{name}/status", self._heard, STATUS_READER, callback_group=group
             )
         self._progress = self.create_publisher(String, "~/progress", LATCHED)
         self.create_service(Trigger, "~/run", self._run, callback_group=group)
@@ -170,8 +181,8 @@ class ScenarioNode(Node):
         """Run one case; whatever happens to it ends in its row."""
         row: dict[str, Any] = {
             "name": case.name, "status": "evaluated", "error": "", "impact_id": "",
-            "recorded": "", "setup": dict(case.values), "reference": case.reference,
-            "evaluation": None,
+            "recorded": "", "setup": dict(case.values), "setup_digest": "",
+            "reference": case.reference, "evaluation": None,
         }  # fmt: skip
         try:
             if self._cancelled:
@@ -179,10 +190,15 @@ class ScenarioNode(Node):
             self._status["recorder"].pop("level", None)  # an error of an earlier case
             await self._set(self._configure, parameter_values(case.setup))
             answer = await self._ask(self._impact, self._options.value.timeout)
-            impact_id = row["impact_id"] = json.loads(answer.message)["impact_id"]
-            row["evaluation"] = await self._evaluation(impact_id)
+            impact_id, ran = ran_impact(answer.message)
+            row |= {"impact_id": impact_id, SETUP_DIGEST: ran}
+            asked = setup_digest(case.setup.described())
+            if ran != asked:
+                raise NodeError(not_asked(impact_id, ran, asked))
+            evaluation = await self._evaluation(impact_id, asked)
             if self._options.value.record:
                 row["recorded"] = await self._recorded(impact_id)
+            row["evaluation"] = evaluation
         except HelmetSimError as error:
             row["status"] = "cancelled" if self._cancelled else "failed"
             row["error"] = str(error)
@@ -260,14 +276,17 @@ class ScenarioNode(Node):
             client.remove_pending_request(future)
         return future.result()
 
-    async def _evaluation(self, impact_id: str) -> dict[str, Any]:
+    async def _evaluation(self, impact_id: str, asked: str) -> dict[str, Any]:
         def judged() -> bool:
             return self._cancelled or impact_id in self._criteria
 
         await self._until(judged, "no evaluation of the impact", self._options.value.timeout)
         if impact_id not in self._criteria:
             raise NodeError("cancelled before its evaluation arrived")
-        _, evaluation = to_evaluation(self._criteria[impact_id])
+        criteria = self._criteria.pop(impact_id)
+        _, evaluation = to_evaluation(criteria)
+        if digest_of(criteria) != asked:
+            raise NodeError(not_asked(impact_id, digest_of(criteria), asked, "was judged"))
         return evaluation.as_dict()
 
     async def _recorded(self, impact_id: str) -> str:
@@ -277,10 +296,13 @@ class ScenarioNode(Node):
         def recorded() -> bool:
             if status.get("level") == "error":
                 raise NodeError(f"not recorded: {status['message']}")
-            return status.get("impact_id") == impact_id
+            return impact_id in self._on_disk
 
         await self._until(recorded, "no log of the impact", self._options.value.timeout)
-        return status["path"]
+        told = self._on_disk.pop(impact_id)
+        if told.get("criteria", "logged") != "logged":
+            raise NodeError(f"not recorded: {told['message']}")
+        return told["path"]
 
     async def _until(self, ready: Callable[[], bool], otherwise: str, seconds: float) -> None:
         """Wait for a condition, looked at after every message and every :data:`PULSE`."""
@@ -296,15 +318,17 @@ class ScenarioNode(Node):
 
     def _judged(self, message: DiagnosticArray) -> None:
         if message.status:
-            self._criteria = {message.status[0].hardware_id: message}
+            remember(self._criteria, message.status[0].hardware_id, message)
             self._notify()
 
     def _heard(self, message: DiagnosticStatus) -> None:
-        level = "ok" if message.level == DiagnosticStatus.OK else "error"
+        level = "error" if message.level == DiagnosticStatus.ERROR else "ok"
         told = {pair.key: pair.value for pair in message.values}
         told |= {"message": message.message, "level": level}
         if message.name in self._status:
             self._status[message.name].update(told)
+            if message.name == "recorder" and level == "ok":
+                remember(self._on_disk, told.get("impact_id", ""), told)
             self._notify()
 
     def _notify(self) -> None:
@@ -330,13 +354,52 @@ def parameter_values(setup: ImpactSetup) -> dict[str, Any]:
     return {name: "unset" if value is None else value for name, value in values.items()}
 
 
+def ran_impact(answer: str) -> tuple[str, str]:
+    """Impact id and digest of the setup in an answer of ``~/run_impact``.
+
+    Raises:
+        NodeError: not such an answer.
+    """
+    try:
+        told = json.loads(answer)
+        return str(told["impact_id"]), str(told.get(SETUP_DIGEST, ""))
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
+        raise NodeError("simulation/run_impact: an answer without an impact") from None
+
+
+def not_asked(impact_id: str, found: str, asked: str, what: str = "ran") -> str:
+    """Why an impact does not count: it is not the one that was asked for."""
+    return (
+        f"impact {impact_id} {what} with another setup than the one asked for (digest "
+        f"{found[:12] or 'missing'}, asked {asked[:12]}): another client changed it meanwhile"
+    )
+
+
+def remember(known: OrderedDict[str, T], key: str, value: T) -> None:
+    """Keep a value by its key, and not more than the last :data:`REMEMBERED`."""
+    known[key] = value
+    while len(known) > REMEMBERED:
+        known.popitem(last=False)
+
+
 def _failed(rows: list[dict[str, Any]]) -> int:
     return sum(row["status"] != "evaluated" for row in rows)
 
 
 def _options(values: dict[str, Any]) -> ScenarioOptions:
-    options = ScenarioOptions(**without_prefix(values, PREFIX))
-    options.load()  # refuse a bad file when it is set, not when it runs
+    try:
+        options = ScenarioOptions(**without_prefix(values, PREFIX))
+    except SetupError as error:
+        raise SetupError([p._replace(key=PREFIX + p.key) for p in error.problems]) from None
+    try:
+        options.load()  # refuse a bad file when it is set, not when it runs
+    except SetupError as error:
+        which = "file with overrides" if any(options.overrides) else "file"
+        problems = [
+            p._replace(key=PREFIX + ("file" if p.key == "scenario" else f"{which}: {p.key}"))
+            for p in error.problems
+        ]
+        raise SetupError(problems, error.source) from None
     return options
 
 

@@ -13,9 +13,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from rclpy.callback_groups import ReentrantCallbackGroup
-from rclpy.duration import Duration
 from rclpy.node import Node
-from rclpy.task import Future
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool, Trigger
 
@@ -23,21 +21,19 @@ from helmet_sim_ros.biomech.evaluation import evaluate
 from helmet_sim_ros.biomech.record import from_block
 from helmet_sim_ros.errors import HelmetSimError, NodeError
 from helmet_sim_ros.mcap_log.blocks import Block
+from helmet_sim_ros.mcap_log.digest import SETUP_DIGEST, setup_digest
 from helmet_sim_ros.model.impact import Impact
 from helmet_sim_ros.nodes import samples
 from helmet_sim_ros.nodes.live_view import LiveView, SimulationClock
+from helmet_sim_ros.nodes.outgoing import Outgoing
 from helmet_sim_ros.nodes.parameters import NODE_OPTIONS
-from helmet_sim_ros.nodes.process import WALL, answering, run_node, wait
+from helmet_sim_ros.nodes.process import WALL, answering, run_node
 from helmet_sim_ros.nodes.qos import LATCHED, SAMPLES_IN_FLIGHT, SAMPLES_WRITER
 from helmet_sim_ros.nodes.run_control import RunControl
 from helmet_sim_ros.nodes.setup_parameters import SimulationConfig, declare
 
 #: Most samples in one block: a few milliseconds of computing, and about 90 kB.
 BLOCK = 100
-#: How long a reader may take to acknowledge samples before the impact goes on without it [s].
-ACKNOWLEDGE_TIMEOUT = 10.0
-#: How often that is looked at [s].
-ACKNOWLEDGE_POLL = 1e-3
 #: How often the number of connected readers is looked at [s].
 WATCH_PERIOD = 0.1
 
@@ -130,7 +126,8 @@ class SimulationNode(Node):
         start_time = self._simulation_clock.next_start() * 1e-9
         stride = max(1, round(1.0 / (live.publish_rate * setup.time_step)))
         described = setup.described()
-        outgoing = _Outgoing(self, self._samples)
+        outgoing = Outgoing(self, self._samples, SAMPLES_IN_FLIGHT)
+        digest = setup_digest(described)
         self._state |= {"impact_id": impact_id, "done": 0, "total": impact.total}
         self._tell("paused" if self._control.paused else "running")
 
@@ -150,10 +147,11 @@ class SimulationNode(Node):
                 heading: dict[str, Any] = {}
                 if done == 0:
                     heading = {"setup": described, "model": impact.model_xml()}
+                    heading[SETUP_DIGEST] = digest
                 if last == impact.total:
                     heading["extras"] = impact.extras()
                 part = block(done, last, **heading)
-                await outgoing.send(part)
+                await outgoing.send(samples.to_message(part))
                 shown = part.data[-done % stride :: stride]
                 self._live.show(setup, from_block(list(part.labels), shown, described), start_time)
                 self._control.slice_done()
@@ -162,7 +160,7 @@ class SimulationNode(Node):
                     pause -= time.monotonic() - slice_began
                 self._state["done"] = done = last
         except HelmetSimError as error:
-            await outgoing.send(block(done, done, aborted=str(error)))
+            await outgoing.send(samples.to_message(block(done, done, aborted=str(error))))
             raise
         record = impact.record()
         self._simulation_clock.advance(
@@ -172,6 +170,7 @@ class SimulationNode(Node):
         return {
             "impact_id": impact_id,
             "samples": impact.total,
+            SETUP_DIGEST: digest,
             "peak_g": evaluate(record).peak_g.value,
             "start_time": start_time,
             "wall_s": round(time.monotonic() - began, 4),
@@ -198,35 +197,6 @@ class SimulationNode(Node):
         self._status.publish(
             DiagnosticStatus(level=level, name="simulation", message=message, values=values)
         )
-
-
-class _Outgoing:
-    """Sends blocks no faster than their slowest reader takes them."""
-
-    def __init__(self, node: Node, publisher: Any) -> None:
-        self._node, self._publisher = node, publisher
-        self._in_flight = 0
-        self._given_up = False
-
-    async def send(self, block: Block) -> None:
-        """Publish a block once there is room for it."""
-        if self._in_flight >= SAMPLES_IN_FLIGHT:
-            await self.acknowledged()
-        self._publisher.publish(samples.to_message(block))
-        self._in_flight += 1
-
-    async def acknowledged(self) -> None:
-        """Wait until every reader has every block; go on without one that hangs."""
-        deadline = time.monotonic() + ACKNOWLEDGE_TIMEOUT
-        while not self._given_up and not self._publisher.wait_for_all_acked(Duration(seconds=0)):
-            if time.monotonic() > deadline:
-                self._given_up = True
-                self._node.get_logger().warning(
-                    f"a reader of {self._publisher.topic_name} has not taken all samples within "
-                    f"{ACKNOWLEDGE_TIMEOUT:g} s; its impact will be incomplete"
-                )
-            await wait(self._node, Future(), ACKNOWLEDGE_POLL)
-        self._in_flight = 0
 
 
 def main(args: list[str] | None = None) -> int:

@@ -1,7 +1,8 @@
 """Studies: what is done with many impacts. ROS-free.
 
-A room for each thing: ``scenario``, ``sweeps``, ``optimisation``, ``identification`` and
-``validation``. Rooms are nouns, because the verbs are functions: ``sweep``, ``optimise``.
+A room for each thing: ``scenario``, ``sweeps``, ``optimisation``, ``identification``,
+``validation`` and ``certification``. Rooms are nouns, because the verbs are functions: ``sweep``,
+``optimise``, ``certify``.
 """
 
 from helmet_sim_ros.lazy import lazy_names
@@ -20,6 +21,10 @@ __all__ = [
     "Optimisation",
     "optimise",
     "OptimisationResult",
+    "load_protocol",
+    "Protocol",
+    "certify",
+    "Certification",
 ]
 
 __getattr__, __dir__ = lazy_names(
@@ -32,5 +37,7 @@ __getattr__, __dir__ = lazy_names(
         "optimisation.plan": ("load_optimisation", "Optimisation"),
         "optimisation.search": ("optimise",),
         "optimisation.trials": ("OptimisationResult",),
+        "certification.protocol": ("load_protocol", "Protocol"),
+        "certification.certify": ("certify", "Certification"),
     },
 )

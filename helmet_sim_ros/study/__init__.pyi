@@ -1,3 +1,7 @@
+from helmet_sim_ros.study.certification.certify import Certification as Certification
+from helmet_sim_ros.study.certification.certify import certify as certify
+from helmet_sim_ros.study.certification.protocol import Protocol as Protocol
+from helmet_sim_ros.study.certification.protocol import load_protocol as load_protocol
 from helmet_sim_ros.study.optimisation.plan import Optimisation as Optimisation
 from helmet_sim_ros.study.optimisation.plan import load_optimisation as load_optimisation
 from helmet_sim_ros.study.optimisation.search import optimise as optimise

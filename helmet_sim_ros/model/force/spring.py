@@ -57,7 +57,9 @@ def law_table(spring: Spring) -> FloatArray:
 def coupling_spring(spring: Spring, slide: int = 0, slide_velocity: int = 0) -> CouplingSpring:
     """The virgin spring of a configuration."""
     path = np.zeros((len(SIDES), 3))
-    return CouplingSpring(slide, slide_velocity, law_table(spring), spring.energy_loss, np.zeros(1), path)
+    return CouplingSpring(
+        slide, slide_velocity, law_table(spring), spring.energy_loss, np.zeros(1), path
+    )
 
 
 @compiled
@@ -151,8 +153,12 @@ def spring_force(spring: CouplingSpring, displacement: FloatArray, force: FloatA
             path[side, LARGEST] = largest
             path[side, LARGEST_FORCE] = loading_force(scale, exponent, largest)
             path[side, UNLOADING] = unloading_exponent(exponent, largest, spring.energy_loss)
-        value += share * share * unloading_force(
-            largest, path[side, LARGEST_FORCE], path[side, UNLOADING], compression
+        value += (
+            share
+            * share
+            * unloading_force(
+                largest, path[side, LARGEST_FORCE], path[side, UNLOADING], compression
+            )
         )
     for axis in range(3):
         force[axis] = -value * displacement[axis] / compression

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Sequence
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -100,6 +101,7 @@ def setup_unit(name: str) -> str:
     return _setup_units().get(name, "")
 
 
+@lru_cache(maxsize=1)
 def _setup_units() -> dict[str, str]:
     from helmet_sim_ros.model.helmet import Helmet
     from helmet_sim_ros.model.setup import setup_leaves

@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
-import base64
-
 import numpy as np
 
 from helmet_sim_ros.biomech.record import FloatArray, ImpactRecord
 from helmet_sim_ros.model.arrows import force_arrows
+from helmet_sim_ros.model.scene import SceneShape
+from helmet_sim_ros.model.surface.drawing import Primitive, drawn
 from helmet_sim_ros.report.replay.scene import scene_of
 
 #: Pictures of one replay.
 FRAMES = 81
+#: A helmet below this mass [kg] is drawn without a chin bar (a choice for the picture alone).
+OPEN_FACE_MASS = 0.7
 
 
-def replay_data(record: ImpactRecord) -> dict[str, object]:
-    """Plain data for ``report.js``.
+def replay_data(record: ImpactRecord) -> tuple[dict[str, object], dict[str, FloatArray]]:
+    """Plain data and arrays for ``replay.js``.
 
     Returns:
-        ``shapes`` (kind, size [m], color), ``time`` [ms], ``poses``: x, y, z, quaternion x, y, z, w
-        of every shape and frame, ``arrows``: tail and tip of every force arrow and frame, ``names``
-        of the arrows; arrays as base64 of little-endian 32-bit floats.
+        ``shapes`` (name, kind, size [m], cloth), ``face`` of the helmet, ``surface`` (kind, size,
+        position, rotation row by row), ``names`` and ``arrowColors``; and the arrays ``time`` [ms],
+        ``poses``: x, y, z, quaternion x, y, z, w of every shape, each over the frames, and
+        ``arrows``: tail and tip of every force arrow, each over the frames.
 
     Raises:
         LogError: this version's model cannot show the record.
@@ -32,22 +35,40 @@ def replay_data(record: ImpactRecord) -> dict[str, object]:
         poses.append(np.hstack(scene.poses(record, index)))
         arrows.append([np.hstack([a.tail, a.tip]) for a in force_arrows(record, index)])
     first = force_arrows(record, 0)
-    return {
+    open_face = scene.setup.helmet_config.mass < OPEN_FACE_MASS
+    plain: dict[str, object] = {
         "shapes": [
-            {"name": s.name, "kind": s.kind, "size": list(s.size), "color": css_color(s.color)}
+            {"name": s.name, "kind": s.kind, "size": list(s.size), "cloth": _cloth(s)}
             for s in scene.shapes
         ],
-        "time": packed(record.time[frames] * 1e3),
-        "poses": packed(np.array(poses)),
-        "arrows": packed(np.array(arrows)),
+        "face": "open" if open_face else "full",
+        "surface": [_solid(solid) for solid in drawn(scene.setup.surface_config)],
         "arrowColors": [css_color(arrow.color) for arrow in first],
         "names": [arrow.name for arrow in first],
     }
+    # Each component over time: neighbours differ little.
+    return plain, {
+        "time": record.time[frames] * 1e3,
+        "poses": np.moveaxis(np.array(poses), 0, -1),
+        "arrows": np.moveaxis(np.array(arrows), 0, -1),
+    }
 
 
-def packed(values: FloatArray) -> str:
-    """An array as base64 of little-endian 32-bit floats, last axis fastest."""
-    return base64.b64encode(np.asarray(values, dtype="<f4").tobytes()).decode("ascii")
+def _cloth(shape: SceneShape) -> str:
+    """What a part of the rider wears: a rider in a suit with gloves and boots."""
+    if shape.name in ("helmet", "head"):
+        return shape.name
+    if shape.name.startswith(("hand", "foot")):
+        return "leather"
+    legs = shape.name.startswith(("thigh", "shank", "pelvis"))
+    return "trousers" if legs else "jacket"
+
+
+def _solid(solid: Primitive) -> dict[str, object]:
+    return {
+        "kind": solid.kind, "size": [float(v) for v in solid.size],
+        "position": solid.position.tolist(), "rotation": solid.rotation.ravel().tolist(),
+    }  # fmt: skip
 
 
 def css_color(color: tuple[float, float, float, float]) -> str:

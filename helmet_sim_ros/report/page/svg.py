@@ -14,7 +14,7 @@ from helmet_sim_ros.biomech.record import FloatArray
 _WIDTH, _HEIGHT = 320.0, 250.0
 _LEFT, _RIGHT, _TOP, _BOTTOM = 46.0, 10.0, 10.0, 40.0
 #: Points drawn per curve; more cannot be told apart at this size.
-MOST_POINTS = 500
+MOST_POINTS = 240
 
 
 @dataclass(frozen=True)

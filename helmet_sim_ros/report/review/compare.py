@@ -104,10 +104,10 @@ def paired(first: ImpactLog, second: ImpactLog) -> list[Pair]:
     """
     waiting: dict[tuple[object, ...], list[LoggedImpact]] = {}
     for impact in second:
-        waiting.setdefault(_key(impact), []).append(impact)
+        waiting.setdefault(pairing_key(impact), []).append(impact)
     pairs = []
     for impact in first:
-        same = waiting.get(_key(impact), [])
+        same = waiting.get(pairing_key(impact), [])
         pairs.append(Pair(impact, same.pop(0) if same else None))
     return pairs + [Pair(None, impact) for rest in waiting.values() for impact in rest]
 
@@ -136,7 +136,8 @@ def changes(
         yield Change(name, unit, _value(a, name), _value(b, name), tolerance)
 
 
-def _key(impact: LoggedImpact) -> tuple[object, ...]:
+def pairing_key(impact: LoggedImpact) -> tuple[object, ...]:
+    """What impacts of several logs that belong together share."""
     values = [impact.setup.get(name) for name in PAIRED_BY]
     return tuple(round(v, 9) if isinstance(v, float | np.floating) else v for v in values)
 

@@ -91,13 +91,20 @@ def _loops(rows: list[dict[str, str]], path: Path) -> Iterator[DropTest]:
     for (direction, speed), samples in groups.items():
         where = f"{path} rows from {first[direction, speed]}"
         force, compression = np.array(samples).T
+        energy_loss = loop_energy_loss(force, compression)
+        if not 0.0 <= energy_loss <= 1.0:
+            raise SetupError.of(
+                "energy_loss", energy_loss,
+                "must be from 0 to 1: the samples of a loop, in order of time, load the helmet and "
+                "give back less than they took", where,
+            )  # fmt: skip
         peaks = {"peak_force_N": f"{force.max()}", "peak_compression_m": f"{compression.max()}"}
         yield DropTest(
             direction,
             speed,
             _ranged(peaks, "peak_force_N", where),
             _ranged(peaks, "peak_compression_m", where),
-            energy_loss=loop_energy_loss(force, compression),
+            energy_loss=energy_loss,
             source=where,
         )
 

@@ -70,11 +70,14 @@ def loop_energy_loss(force: FloatArray, compression: FloatArray) -> float:
 
     Args:
         force, compression: histories of one impact, shape (n,) [N], [m].
+
+    Returns:
+        NaN for what is no loop: no work is done up to the largest compression.
     """
     turn = int(np.argmax(compression)) + 1
     loaded = trapezoid(force[:turn], compression[:turn])
     returned = -trapezoid(force[turn - 1 :], compression[turn - 1 :])
-    return float(1.0 - returned / loaded)
+    return float(1.0 - returned / loaded) if loaded > 0.0 else float("nan")
 
 
 @dataclass(frozen=True)

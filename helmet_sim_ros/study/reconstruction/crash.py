@@ -72,8 +72,8 @@ def setup_of(scene: Scene, parameters: FloatArray) -> ImpactSetup:
             "normal_velocity": normal,
             "tangential_velocity": math.hypot(x, y),
             "tangential_heading_deg": math.degrees(math.atan2(y, x)),
-            "site_azimuth_deg": float(azimuth[0]),
-            "site_elevation_deg": float(elevation[0]),
+            "azimuth_deg": float(azimuth[0]),
+            "elevation_deg": float(elevation[0]),
         }
     )
 

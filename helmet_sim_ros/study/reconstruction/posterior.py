@@ -225,9 +225,9 @@ def most_likely(
 ) -> list[tuple[FloatArray, FloatArray]]:  # fmt: skip
     """The crashes whose crush is nearest, (5,) each, with their covariance, (5, 5).
 
-    Straight blows give a first speed; from there, and from blows that also slide,
-    least squares go down; the best end is taken, and what is nearly as good. The covariance is that of a linear model and the
-    prior's together.
+    Straight blows give a first speed; from there, and from blows that also slide, least squares go
+    down; the best end is taken, and what is nearly as good. The covariance is that of a linear
+    model and the prior's together.
     """
     span = whole.high - whole.low
     speeds = np.linspace(1.0, whole.high[0], SPEEDS)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -17,6 +18,11 @@ from helmet_sim_ros.resources import find_config
 from helmet_sim_ros.schema import Config, leaf_values
 from helmet_sim_ros.study.scenario.reference import Published, Reference, load_reference
 from helmet_sim_ros.yaml_file import read_yaml
+
+#: Most cases of a matrix, each a setup that is checked before anything runs, and deepest grouping
+#: of names: choices. What a study draws at random multiplies its matrix without this limit.
+MOST_CASES = 20_000
+DEEPEST = 20
 
 #: Short forms of the values that vary in most matrices, for generated case names.
 SHORT_NAMES = {
@@ -142,6 +148,8 @@ def flatten(values: Mapping[Any, Any], source: str = "", prefix: str = "") -> di
             raise SetupError.of(f"{prefix}{key}", value, "a key must be text", source)
         name = prefix + key
         if isinstance(value, Mapping):
+            if prefix.count(".") >= DEEPEST:
+                raise SetupError.of(name, type(value), f"has more than {DEEPEST} levels", source)
             inner = flatten(value, source, f"{name}.")
         else:
             inner = {"helmet.name" if name == "helmet" else name: value}
@@ -160,6 +168,9 @@ def combinations_of(file: ScenarioFile, path: Path) -> Iterable[tuple[str, dict[
             raise SetupError.of(name, [], "must hold at least one value", f"{path}: product")
     if not file.cases and not lists:
         raise SetupError.of("cases", [], "the matrix is empty: give cases, or product", str(path))
+    count = math.prod(map(len, lists.values())) * max(len(file.cases), 1)
+    if count > MOST_CASES:
+        raise SetupError.of("cases", count, f"the matrix has at most {MOST_CASES} cases", str(path))
     for number, case in enumerate(file.cases or ({},), 1):
         where = f"{path}: case {number}"
         given = dict(case)

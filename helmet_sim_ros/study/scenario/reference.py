@@ -49,11 +49,12 @@ def load_reference(name_or_path: str) -> Reference:
     path = find_config("references", name_or_path, "reference", ".csv")
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
+        table = csv.DictReader(line for line in lines if line.strip() and not line.startswith("#"))
+        entries = list(table)
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise SetupError.of("reference", str(path), f"cannot be read: {error}") from error
     source = next((line.lstrip("# ") for line in lines if line.startswith("#")), path.name)
-    table = csv.DictReader(line for line in lines if line.strip() and not line.startswith("#"))
-    rows = tuple(_parse(path, number, row) for number, row in enumerate(table, 1))
+    rows = tuple(_parse(path, number, row) for number, row in enumerate(entries, 1))
     if not rows:
         raise SetupError.of("reference", str(path), "must hold at least one row")
     return Reference(path.stem, source, rows)

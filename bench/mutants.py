@@ -1,0 +1,199 @@
+"""Would a test notice? Small changes of the code, one at a time, on a copy, against its tests.
+
+``python -m bench.mutants [--count 60] [--seed S] [--only biomech]`` prints each mutant that no test
+noticed, with file, line and change, then how many were killed. A survivor is either a gap in the
+tests or no change of behaviour (an equivalent mutant), which only a reader can tell.
+"""
+
+from __future__ import annotations
+
+import ast
+import os
+import random
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import click
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = "helmet_sim_ros"
+#: Beginning of a module's path in the package -> the tests that are its own, most likely first.
+TESTS = {
+    "biomech/": ["test_biomech_*.py"],
+    "mcap_log/": ["test_log_[bpw]*.py", "test_review_reading.py", "test_recover.py",
+                  "test_properties.py"],
+    "yaml_file.py": ["test_yaml_file.py", "test_properties.py"],
+    "schema.py": ["test_properties.py", "test_scenario.py", "test_biomech_standards.py"],
+    "errors.py": ["test_properties.py", "test_yaml_file.py", "test_scenario.py"],
+    "model/": ["test_model_*.py"],
+    "study/scenario/": ["test_scenario.py"],
+    "study/identification/": ["test_study_identify.py"],
+    "study/optimisation/": ["test_study_optimise.py"],
+    "study/sweeps/": ["test_study_file.py", "test_study_sampling.py", "test_study_estimate.py",
+                      "test_study_sweep.py"],
+    "report/": ["test_report_page.py", "test_export.py", "test_compare.py", "test_review_cli.py",
+                "test_replay.py"],
+}  # fmt: skip
+#: What a copy needs to run the tests.
+NEEDED = (PACKAGE, "test", "config", "launch", "bench", "docs", "resource", "scripts", "README.md",
+          "CHANGELOG.rst", "package.xml", "pyproject.toml", "setup.py", "setup.cfg")  # fmt: skip
+#: Longest run of the tests of a mutant, in times of that without a change; then it hangs.
+PATIENCE = 5.0
+
+COMPARED = {ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Eq: ast.NotEq,
+            ast.NotEq: ast.Eq, ast.In: ast.NotIn, ast.NotIn: ast.In, ast.Is: ast.IsNot,
+            ast.IsNot: ast.Is}  # fmt: skip
+COMPUTED = {ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult,
+            ast.Pow: ast.Mult, ast.FloorDiv: ast.Mult, ast.Mod: ast.Mult, ast.BitOr: ast.BitAnd,
+            ast.BitAnd: ast.BitOr}  # fmt: skip
+
+
+class Mutant(NamedTuple):
+    """One change of a module: of which node, and in which of its ways."""
+
+    module: Path
+    place: int
+
+
+def mutants_of(root: Path, module: Path) -> list[Mutant]:
+    """Every mutant of a module."""
+    tree = ast.parse((root / module).read_text(encoding="utf-8"))
+    return [Mutant(module, i) for i, node in enumerate(_behaviour(tree)) if _can_change(node)]
+
+
+def changed(root: Path, mutant: Mutant) -> tuple[str, str]:
+    """The text of the module with the change, and the change in words."""
+    tree = ast.parse((root / mutant.module).read_text(encoding="utf-8"))
+    node = next(node for i, node in enumerate(_behaviour(tree)) if i == mutant.place)
+    before, line = ast.unparse(node).splitlines()[0], node.lineno
+    _change(node)
+    ast.fix_missing_locations(tree)
+    after = ast.unparse(node).splitlines()[0]
+    words = f"{mutant.module.as_posix()}:{line}: {before[:100]}  ->  {after[:100]}"
+    return ast.unparse(tree), words
+
+
+def _behaviour(tree: ast.AST) -> Iterator[ast.expr | ast.stmt]:
+    """The nodes that do something: no annotations, docstrings, messages or imports."""
+    for name, value in ast.iter_fields(tree):
+        if name in ("annotation", "returns", "decorator_list", "keywords_only", "bases"):
+            continue
+        for child in value if isinstance(value, list) else [value]:
+            if not isinstance(child, ast.AST) or isinstance(child, (ast.JoinedStr, ast.Raise)):
+                continue
+            if isinstance(child, (ast.expr, ast.stmt)):
+                yield child
+            yield from _behaviour(child)
+
+
+def _can_change(node: ast.AST) -> bool:
+    if isinstance(node, ast.Compare):
+        return type(node.ops[0]) in COMPARED
+    if isinstance(node, (ast.BinOp, ast.AugAssign)):
+        return type(node.op) in COMPUTED
+    if isinstance(node, ast.Constant):
+        return type(node.value) in (int, float, bool)
+    if isinstance(node, ast.UnaryOp):
+        return isinstance(node.op, ast.Not)
+    if isinstance(node, ast.Return):
+        return node.value is not None
+    return isinstance(node, (ast.If, ast.IfExp, ast.While, ast.BoolOp))
+
+
+def _change(node: ast.AST) -> None:
+    """Change a node in place."""
+    if isinstance(node, ast.Compare):
+        node.ops[0] = COMPARED[type(node.ops[0])]()
+    elif isinstance(node, (ast.BinOp, ast.AugAssign)):
+        node.op = COMPUTED[type(node.op)]()
+    elif isinstance(node, ast.Constant):
+        value = node.value
+        if isinstance(value, bool):
+            node.value = not value
+        elif isinstance(value, int):
+            node.value = value + 1
+        elif isinstance(value, float):
+            node.value = value * 1.1 or 1.0
+    elif isinstance(node, (ast.If, ast.IfExp, ast.While)):
+        node.test = ast.Constant(False)
+    elif isinstance(node, ast.BoolOp):
+        node.op = ast.And() if isinstance(node.op, ast.Or) else ast.Or()
+    elif isinstance(node, ast.UnaryOp):  # not x
+        node.operand = ast.UnaryOp(ast.Not(), node.operand)
+    elif isinstance(node, ast.Return):
+        node.value = ast.Constant(None)
+
+
+def tests_of(root: Path, module: Path) -> list[str]:
+    """The test files of a module in a copy, empty where it has none of its own."""
+    inside = module.relative_to(PACKAGE).as_posix()
+    for beginning, patterns in TESTS.items():
+        if inside.startswith(beginning):
+            found = [path for pattern in patterns for path in sorted((root / "test").glob(pattern))]
+            # Those that name the module come first: most mutants die in them.
+            found.sort(key=lambda path: module.stem not in path.read_text(encoding="utf-8"))
+            return [f"test/{path.name}" for path in found]
+    return []
+
+
+def passes(root: Path, tests: list[str], timeout: float | None = None) -> bool:
+    """Whether the tests pass in a copy; one that hangs does not."""
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *tests]
+    environment = os.environ | {"PYTHONPATH": str(root), "PYTHONDONTWRITEBYTECODE": "1"}
+    try:
+        done = subprocess.run(
+            command, cwd=root, env=environment, timeout=timeout, check=False,
+            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        )  # fmt: skip
+    except subprocess.TimeoutExpired:
+        return False
+    return done.returncode == 0
+
+
+@click.command(context_settings={"help_option_names": ["-h", "--help"]})
+@click.option("--count", default=60, show_default=True, type=click.IntRange(1))
+@click.option("--seed", default=1, show_default=True)
+@click.option("--only", multiple=True, metavar="PREFIX",
+              help=f"Modules whose path in {PACKAGE}/ begins so, repeatable.")  # fmt: skip
+def main(count: int, seed: int, only: tuple[str, ...]) -> None:
+    """Mutate, test and count. Exit code 1: a mutant survived."""
+    with tempfile.TemporaryDirectory() as folder:
+        root = Path(folder)
+        for name in NEEDED:
+            source = ROOT / name
+            (shutil.copytree if source.is_dir() else shutil.copy)(source, root / name)
+        modules = [path.relative_to(root) for path in sorted((root / PACKAGE).rglob("*.py"))]
+        wanted = tuple(f"{PACKAGE}/{prefix}" for prefix in only or TESTS)
+        modules = [m for m in modules if m.as_posix().startswith(wanted) and tests_of(root, m)]
+        pool = [mutant for module in modules for mutant in mutants_of(root, module)]
+        chosen = random.Random(seed).sample(pool, min(count, len(pool)))
+        click.echo(f"seed {seed}: {len(chosen)} of {len(pool)} mutants of {len(modules)} modules")
+        usual: dict[tuple[str, ...], float] = {}
+        survivors = []
+        for number, mutant in enumerate(chosen, 1):
+            tests = tests_of(root, mutant.module)
+            if tuple(tests) not in usual:
+                began = time.monotonic()
+                if not passes(root, tests):
+                    raise SystemExit(f"the tests fail without any change: {' '.join(tests)}")
+                usual[tuple(tests)] = time.monotonic() - began
+            original = (root / mutant.module).read_text(encoding="utf-8")
+            text, words = changed(root, mutant)
+            (root / mutant.module).write_text(text, encoding="utf-8")
+            if passes(root, tests, PATIENCE * usual[tuple(tests)] + 30.0):
+                survivors.append(mutant)
+                click.echo(f"survived {number}: {words}")
+            (root / mutant.module).write_text(original, encoding="utf-8")
+    killed = len(chosen) - len(survivors)
+    click.echo(f"seed {seed}: {killed} of {len(chosen)} killed ({killed / len(chosen):.0%})")
+    raise SystemExit(bool(survivors))
+
+
+if __name__ == "__main__":
+    main()

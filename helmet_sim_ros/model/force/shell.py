@@ -1,0 +1,457 @@
+"""The shell as a plate between anvil and liner: neighbouring columns carry together.
+
+A thin plate (Kirchhoff) with natural state flat lies between the struck surface and the foam. The
+surface pushes it from below and cannot pull, the foam columns push it from above with their own
+law. Its bending carries load to columns that the surface does not reach. What follows:
+
+- without bending stiffness it lies on the surface: the columns as they are without a shell;
+- rigid, it stays a plane: the load of flat ground on every surface;
+- on flat ground it lies flat and does nothing: what flattening a curved shell costs is not
+  modelled (Mills & Gilchrist 1992: fibre shells hardly deform on flat ground).
+
+The plate is a square grid in the tangent plane of the first contact, at rest in the world, that
+follows the helmet by whole cells. It has no inertia of its own; the small mass that its explicit
+steps need is internal, and the force on the helmet is the foam's. Bending moments saturate at the
+shell's strength.
+
+Bending energy per area (Timoshenko & Woinowsky-Krieger, Theory of Plates and Shells, eq. 47)::
+
+    D/2 (zxx^2 + zyy^2 + 2 nu zxx zyy + 2 (1 - nu) zxy^2),    D = E t^3 / (12 (1 - nu^2))
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from helmet_sim_ros.biomech.record import FloatArray
+from helmet_sim_ros.model.compiled import compiled
+from helmet_sim_ros.model.force.bodies import (
+    HELMET,
+    Loads,
+    Motion,
+    count_surface,
+    load,
+    rigid,
+    velocity_at,
+    world_point,
+)
+from helmet_sim_ros.model.force.foam import MODULUS, RETURNED, loading_stress
+from helmet_sim_ros.model.force.friction import RELAXATION, friction_force
+from helmet_sim_ros.model.force.liner import (
+    POISSON,
+    CrushingLiner,
+    compressed,
+    find_near,
+    is_flat,
+    part_below,
+)
+from helmet_sim_ros.model.force.vector import Vec, across, add, cross, dot, row, scaled, sub, turned
+from helmet_sim_ros.model.helmet import Helmet
+from helmet_sim_ros.model.surface.compiled import COLUMNS as SIZES
+from helmet_sim_ros.model.surface.compiled import HALF_SPACE, Surface
+from helmet_sim_ros.model.surface.deepest import deepest_point
+from helmet_sim_ros.model.surface.shapes import signed_distance, tangent
+
+REACH = 0.1  # m, half width of the grid: what a helmet crushed by 40 mm touches
+ABOVE = 0.05  # m over the tangent plane, from where the surface is looked for
+BELOW = 0.15  # m, how far down it is looked for
+NOTHING = -1.0  # m, height where there is no surface
+RISE = 0.01  # m over the tangent plane, below which columns count as near
+FOUND = 1e-7  # m
+STEPS = 60  # of the search for the surface
+SLACK = 1.5  # cells that the helmet may move before the grid follows
+SHARE = 0.6  # of the largest stable step
+#: The plate is without inertia. This mass per area gives it explicit steps; a third of it changes
+#: no peak by more than 1 %. [kg/m^2]
+MASS = 0.5
+#: Vibration of that mass is damped at this rate [1/s], against its speed of the last moments [s].
+QUIET, SLOW = 5e3, 3e-4
+DAMPING = 0.2  # of the fastest bending mode; the foam damps all slow ones
+
+#: What is kept of each column: place in the tangent plane and height over it [m], cosine of its
+#: normal to the plane's, rate of the height [m/s], and the force that it has now [N].
+U, V, HEIGHT, COSINE, RATE, PUSHED = range(6)
+
+
+class Plate(NamedTuple):
+    """The shell of one helmet in one impact.
+
+    Attributes:
+        stiffness: D [N m]; 0: no plate.
+        poisson: nu [-].
+        strongest: curvature at which an elastic moment would reach the strength [1/m].
+        lag: damping over stiffness in bending [s].
+        longest: largest stable step [s].
+        cell: of the grid [m].
+        engaged: 1 while the grid has its place; (1,), state.
+        plane: the tangent plane as a surface; state.
+        frame: origin (3) [m], and unit vectors x, y and outward normal; (12,), state.
+        height, speed: of the plate over the tangent plane, (n, n) [m], [m/s]; state.
+        anvil, friction: height of what lies below and its friction, (n, n); state.
+        bent: moments xx, yy and xy over D, (3, n, n); working memory.
+        pressed: force of the foam on each node, (n, n) [N]; working memory.
+        columns: of each column, see ``U`` to ``PUSHED``; (columns, 6).
+    """
+
+    stiffness: float
+    poisson: float
+    strongest: float
+    lag: float
+    longest: float
+    cell: float
+    engaged: NDArray[np.int64]
+    plane: Surface
+    frame: FloatArray
+    height: FloatArray
+    speed: FloatArray
+    slow: FloatArray
+    anvil: FloatArray
+    friction: FloatArray
+    bent: FloatArray
+    pressed: FloatArray
+    columns: FloatArray
+
+
+def plate(helmet: Helmet, liner: CrushingLiner) -> Plate:
+    """The plate of a helmet, not yet in place."""
+    material, cell = helmet.shell.material, helmet.shell.cell
+    stiffness = material.bending_stiffness
+    areas, foam = liner.columns.area, liner.columns.foam
+    count = len(areas)
+    n = 2 * round(REACH / cell) + 1 if stiffness > 0.0 and count else 3
+    longest = math.inf
+    lag = 0.0
+    if stiffness > 0.0 and count:
+        # Foam that has hardly crushed unloads along its modulus over the share returned.
+        steep = float((foam[:, MODULUS] / foam[:, RETURNED]).max() / liner.columns.thickness.min())
+        crowded = max(1.0, float(areas.max()) / cell**2)
+        fastest = math.sqrt((64.0 * stiffness / cell**4 + crowded * steep) / MASS)
+        lag = 2.0 * DAMPING / fastest
+        longest = SHARE * 2.0 / fastest * (math.hypot(1.0, DAMPING) - DAMPING)
+    grid = (n, n)
+    plane = Surface(
+        np.array([HALF_SPACE]),
+        np.zeros((1, 3)),
+        np.zeros((1, 9)),
+        np.zeros((1, SIZES)),
+        np.zeros(1),
+    )
+    return Plate(
+        stiffness if count else 0.0, material.poisson, material.strongest_curvature, lag, longest,
+        cell, np.zeros(1, dtype=np.int64), plane, np.zeros(12), *(np.zeros(grid) for _ in range(5)),
+        np.zeros((3, n, n)), np.zeros(grid), np.zeros((count, PUSHED + 1)),
+    )  # fmt: skip
+
+
+@compiled
+def spreads(plate: Plate, surface: Surface) -> bool:
+    """Whether the plate changes anything: it bends, and the surface is not one plane."""
+    return plate.stiffness > 0.0 and not is_flat(surface)
+
+
+@compiled
+def below(
+    surface: Surface, x: float, y: float, z: float, nx: float, ny: float, nz: float
+) -> tuple[float, int]:
+    """How far down along -n the surface lies [m] and which shape; over ``BELOW``: there is none."""
+    nearest, which = ABOVE + BELOW + 1.0, 0
+    for k in range(len(surface.kind)):
+        way = 0.0
+        for _ in range(STEPS):
+            d, mx, my, mz, _ = signed_distance(
+                surface, k, x - way * nx, y - way * ny, z - way * nz
+            )  # fmt: skip
+            if d < FOUND:
+                if way < nearest:
+                    nearest, which = way, k
+                break
+            slope = mx * nx + my * ny + mz * nz
+            # The distance is convex along the line: Newton's step never goes too far.
+            if slope <= 1e-6 and d > FOUND:
+                break
+            way += d / slope
+            if way > ABOVE + BELOW:
+                break
+    return nearest, which
+
+
+@compiled
+def survey(plate: Plate, surface: Surface, i: int, j: int) -> None:
+    """Find what lies below one node."""
+    f, middle, cell = plate.frame, (len(plate.height) - 1) // 2, plate.cell
+    u, v = (i - middle) * cell, (j - middle) * cell
+    way, which = below(
+        surface,
+        f[0] + u * f[3] + v * f[6] + ABOVE * f[9],
+        f[1] + u * f[4] + v * f[7] + ABOVE * f[10],
+        f[2] + u * f[5] + v * f[8] + ABOVE * f[11],
+        f[9], f[10], f[11],
+    )  # fmt: skip
+    plate.anvil[i, j] = ABOVE - way if way <= ABOVE + BELOW else NOTHING
+    plate.friction[i, j] = surface.friction[which]
+
+
+@compiled
+def engage(plate: Plate, liner: CrushingLiner, surface: Surface, motion: Motion) -> bool:
+    """Lay the plate into the tangent plane of the deepest contact; False: there is none yet."""
+    helmet = rigid(motion, liner.helmet)
+    cx, cy, cz = world_point(helmet, liner.center)
+    ax, ay, az = liner.semi_axes
+    most = 0.0
+    f = plate.frame
+    for k in range(len(surface.kind)):
+        depth, px, py, pz, nx, ny, nz = deepest_point(
+            surface, k, cx, cy, cz, motion.rotation[liner.helmet], ax, ay, az, liner.direction[k]
+        )
+        if depth > most:
+            most = depth
+            f[0], f[1], f[2] = px + depth * nx, py + depth * ny, pz + depth * nz
+            f[9], f[10], f[11] = nx, ny, nz
+    if most <= 0.0:
+        return False
+    normal = (f[9], f[10], f[11])
+    ex, ey, ez = tangent(f[9], f[10], f[11])
+    f[3], f[4], f[5] = ex, ey, ez
+    f[6], f[7], f[8] = cross(normal, (ex, ey, ez))
+    for k in range(3):
+        plate.plane.position[0, k] = f[k] + RISE * f[9 + k]
+        for j in range(3):
+            plate.plane.rotation[0, 3 * k + j] = f[3 + 3 * j + k]
+    liner.near.position[:] = np.inf  # the list of near columns is now that of the plane
+    plate.height[:] = 0.0
+    plate.speed[:] = 0.0
+    plate.slow[:] = 0.0
+    n = len(plate.height)
+    for i in range(n):
+        for j in range(n):
+            survey(plate, surface, i, j)
+    return True
+
+
+@compiled
+def follow(plate: Plate, liner: CrushingLiner, surface: Surface, motion: Motion) -> None:
+    """Move the grid by whole cells so that the lowest point of the helmet stays near its middle."""
+    helmet = rigid(motion, liner.helmet)
+    f, cell = plate.frame, plate.cell
+    r = helmet.rotation
+    d = (
+        -(r[0] * f[9] + r[3] * f[10] + r[6] * f[11]),
+        -(r[1] * f[9] + r[4] * f[10] + r[7] * f[11]),
+        -(r[2] * f[9] + r[5] * f[10] + r[8] * f[11]),
+    )  # fmt: skip
+    a = liner.semi_axes
+    scale = 1.0 / ((a[0] * d[0]) ** 2 + (a[1] * d[1]) ** 2 + (a[2] * d[2]) ** 2) ** 0.5
+    c = liner.center
+    lowest = world_point(helmet, (
+        c[0] + a[0] * a[0] * d[0] * scale, c[1] + a[1] * a[1] * d[1] * scale,
+        c[2] + a[2] * a[2] * d[2] * scale,
+    ))  # fmt: skip
+    off = sub(lowest, (f[0], f[1], f[2]))
+    du, dv = dot(off, (f[3], f[4], f[5])), dot(off, (f[6], f[7], f[8]))
+    if abs(du) <= SLACK * cell and abs(dv) <= SLACK * cell:
+        return
+    si, sj = round(du / cell), round(dv / cell)
+    for k in range(3):
+        f[k] += cell * (si * f[3 + k] + sj * f[6 + k])
+    n = len(plate.height)
+    height, speed = plate.height.copy(), plate.speed.copy()
+    slow = plate.slow.copy()
+    anvil, friction = plate.anvil.copy(), plate.friction.copy()
+    for i in range(n):
+        for j in range(n):
+            oi, oj = i + si, j + sj
+            if 0 <= oi < n and 0 <= oj < n:
+                plate.height[i, j], plate.speed[i, j] = height[oi, oj], speed[oi, oj]
+                plate.slow[i, j] = slow[oi, oj]
+                plate.anvil[i, j], plate.friction[i, j] = anvil[oi, oj], friction[oi, oj]
+            else:
+                survey(plate, surface, i, j)
+                ni, nj = min(max(oi, 0), n - 1), min(max(oj, 0), n - 1)
+                plate.height[i, j] = max(height[ni, nj], plate.anvil[i, j])
+                plate.speed[i, j] = speed[ni, nj]
+                plate.slow[i, j] = slow[ni, nj]
+
+
+@compiled
+def bend(plate: Plate) -> None:
+    """Moments over D from the curvatures of the plate, including damping."""
+    z, w, bent, cell, nu = plate.height, plate.speed, plate.bent, plate.cell, plate.poisson
+    lag, strongest = plate.lag, plate.strongest
+    n = len(z)
+    scale = 1.0 / (cell * cell)
+    xx, yy, xy = bent[0], bent[1], bent[2]
+    for i in range(n):
+        for j in range(n):
+            kx, ky = 0.0, 0.0
+            if 0 < i < n - 1:
+                kx = (z[i - 1, j] - 2.0 * z[i, j] + z[i + 1, j]) * scale
+                kx += lag * (w[i - 1, j] - 2.0 * w[i, j] + w[i + 1, j]) * scale
+            if 0 < j < n - 1:
+                ky = (z[i, j - 1] - 2.0 * z[i, j] + z[i, j + 1]) * scale
+                ky += lag * (w[i, j - 1] - 2.0 * w[i, j] + w[i, j + 1]) * scale
+            mx, my = kx + nu * ky, ky + nu * kx
+            size = (kx * kx + ky * ky + 2.0 * nu * kx * ky) ** 0.5 / strongest
+            part = 1.0 / (1.0 + size * size) ** 0.5
+            # No moment where the grid's edge leaves no curvature.
+            xx[i, j] = part * mx if 0 < i < n - 1 else 0.0
+            yy[i, j] = part * my if 0 < j < n - 1 else 0.0
+            if i < n - 1 and j < n - 1:
+                kz = (z[i, j] - z[i + 1, j] - z[i, j + 1] + z[i + 1, j + 1]) * scale
+                kz += lag * (w[i, j] - w[i + 1, j] - w[i, j + 1] + w[i + 1, j + 1]) * scale
+                size = kz * (2.0 * (1.0 - nu)) ** 0.5 / strongest
+                xy[i, j] = (1.0 - nu) * kz / (1.0 + size * size) ** 0.5
+            else:
+                xy[i, j] = 0.0
+
+
+@compiled
+def move(plate: Plate, step: float) -> None:
+    """One step of the plate under the foam's forces in ``plate.pressed``."""
+    z, w, anvil, pressed = plate.height, plate.speed, plate.anvil, plate.pressed
+    bend(plate)
+    xx, yy, xy, slow = plate.bent[0], plate.bent[1], plate.bent[2], plate.slow
+    n = len(z)
+    area = plate.cell * plate.cell
+    stiff = plate.stiffness / (area * MASS)
+    loaded = 1.0 / (area * MASS)
+    for i in range(n):
+        for j in range(n):
+            # Transposed stencils: the plate's own forces add up to no force and no moment.
+            f = -2.0 * (xx[i, j] + yy[i, j]) + 2.0 * xy[i, j]
+            if i > 0:
+                f += xx[i - 1, j] - 2.0 * xy[i - 1, j]
+                if j > 0:
+                    f += 2.0 * xy[i - 1, j - 1]
+            if i < n - 1:
+                f += xx[i + 1, j]
+            if j > 0:
+                f += yy[i, j - 1] - 2.0 * xy[i, j - 1]
+            if j < n - 1:
+                f += yy[i, j + 1]
+            shaking = w[i, j] - slow[i, j]
+            w[i, j] -= step * (stiff * f + loaded * pressed[i, j] + QUIET * shaking)
+            slow[i, j] += step / SLOW * (w[i, j] - slow[i, j])
+    for i in range(n):
+        for j in range(n):
+            z[i, j] += step * w[i, j]
+            if z[i, j] < anvil[i, j]:
+                z[i, j] = anvil[i, j]
+                w[i, j] = max(w[i, j], 0.0)
+
+
+@compiled
+def on_plate(plate: Plate, u: float, v: float) -> tuple[int, int, float, float, bool]:
+    """Cell that holds a point of the plane, the point's place in it from 0 to 1, and whether
+    there is one."""
+    n, middle = len(plate.height), (len(plate.height) - 1) // 2
+    x, y = u / plate.cell + middle, v / plate.cell + middle
+    i, j = math.floor(x), math.floor(y)
+    return i, j, x - i, y - j, 0 <= i < n - 1 and 0 <= j < n - 1
+
+
+@compiled
+def press(plate: Plate, liner: CrushingLiner, early: float) -> None:
+    """Forces of the foam on the plate, ``early`` seconds before the step ends."""
+    _, _, areas, thicknesses, radii, foams = liner.columns
+    listed, state, z, pressed = liner.near.index, plate.columns, plate.height, plate.pressed
+    largest, rest = liner.largest, liner.rest
+    pressed[:] = 0.0
+    for n in range(listed[-1]):
+        c = listed[n]
+        u, v, height = state[c, U], state[c, V], state[c, HEIGHT]
+        cosine, rate = state[c, COSINE], state[c, RATE]
+        state[c, PUSHED] = 0.0
+        if cosine <= 0.0:
+            continue
+        i, j, a, b, inside = on_plate(plate, u, v)
+        if not inside:
+            continue
+        q, r, s, t = (1.0 - a) * (1.0 - b), a * (1.0 - b), (1.0 - a) * b, a * b
+        surface = q * z[i, j] + r * z[i + 1, j] + s * z[i, j + 1] + t * z[i + 1, j + 1]
+        depth = surface - (height - rate * early)
+        share, low, high = part_below(depth, radii[c], cosine)
+        if share == 0.0:
+            continue
+        over = cosine / thicknesses[c]
+        stress = compressed(low * over, high * over, foams[c], c, largest, rest)
+        if stress <= 0.0:
+            continue
+        force = stress * areas[c] * share * cosine
+        state[c, PUSHED] = force
+        pressed[i, j] += q * force
+        pressed[i + 1, j] += r * force
+        pressed[i, j + 1] += s * force
+        pressed[i + 1, j + 1] += t * force
+
+
+@compiled
+def apply(
+    plate: Plate, liner: CrushingLiner, surface: Surface, step: float, motion: Motion, loads: Loads
+) -> None:
+    """Step the plate to the present and add the foam's forces to the helmet's load.
+
+    Args:
+        plate, liner: constants and state; the state is changed in place.
+        surface: what the helmet strikes.
+        step: time since the last call [s].
+        motion, loads: of the bodies.
+    """
+    listed, sticks = liner.near.index, liner.stick
+    if plate.engaged[0] == 0:
+        find_near(liner, surface, motion)
+        if listed[-1] == 0 or not engage(plate, liner, surface, motion):
+            return
+        plate.engaged[0] = 1
+    find_near(liner, plate.plane, motion)
+    if listed[-1] == 0:
+        plate.engaged[0] = 0
+        liner.near.position[:] = np.inf
+        return
+    follow(plate, liner, surface, motion)
+    helmet = rigid(motion, liner.helmet)
+    points, normals, foams = liner.columns.point, liner.columns.normal, liner.columns.foam
+    state, f, largest = plate.columns, plate.frame, liner.largest
+    origin, ex, ey, up = row3(f, 0), row3(f, 3), row3(f, 6), row3(f, 9)
+    for n in range(listed[-1]):
+        c = listed[n]
+        point = world_point(helmet, row(points, c))
+        off = sub(point, origin)
+        state[c, U], state[c, V], state[c, HEIGHT] = dot(off, ex), dot(off, ey), dot(off, up)
+        state[c, COSINE] = -dot(up, turned(helmet.rotation, row(normals, c)))
+        state[c, RATE] = dot(velocity_at(helmet, point), up)
+    count = math.ceil(step / plate.longest)
+    part = step / count
+    for k in range(count):
+        press(plate, liner, step - (k + 1) * part)
+        move(plate, part)
+    press(plate, liner, 0.0)
+    total, moment, friction = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    for n in range(listed[-1]):
+        c = listed[n]
+        pushed, stick = state[c, PUSHED], sticks[c]
+        if pushed <= 0.0:
+            stick[0] = stick[1] = stick[2] = 0.0
+            continue
+        i, j, _, _, _ = on_plate(plate, state[c, U], state[c, V])
+        point = world_point(helmet, row(points, c))
+        slip = across(velocity_at(helmet, point), up)
+        shear = loading_stress(largest[c], foams[c]) / largest[c] / (2.0 * (1.0 + POISSON))
+        shear *= liner.columns.area[c] * state[c, COSINE] / liner.columns.thickness[c]
+        rubbed = friction_force(
+            shear, RELAXATION, plate.friction[i, j] * pushed, slip, up, step, stick
+        )
+        force = add(scaled(up, pushed), rubbed)
+        total, friction = add(total, force), add(friction, rubbed)
+        moment = add(moment, cross(point, force))
+    load(loads, liner.helmet, total, sub(moment, cross(helmet.origin, total)))
+    count_surface(loads, HELMET, total, moment, friction)
+
+
+@compiled
+def row3(values: FloatArray, first: int) -> Vec:
+    """Three numbers of a flat array."""
+    return values[first], values[first + 1], values[first + 2]

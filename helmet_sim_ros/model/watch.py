@@ -1,0 +1,57 @@
+"""No result that cannot be: the bound on energy while stepping, and strokes beyond what there is."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from helmet_sim_ros.model.helmet import Helmet
+from helmet_sim_ros.model.layout import Layout
+from helmet_sim_ros.model.loop import Forces, Rows
+from helmet_sim_ros.model.setup import ImpactSetup
+
+MARGIN = 1.02  # of the initial kinetic energy, for the integrator's error
+BOTTOMED = 0.95  # strain of a column beyond which its foam law is a guess
+
+
+def most_energy(
+    model: mujoco.MjModel, data: mujoco.MjData, setup: ImpactSetup
+) -> tuple[float, float, float]:
+    """The most kinetic energy [J] at the start of an impact, how fast gravity can add to it [W],
+    and the rate of change of that [W/s].
+
+    Nothing but gravity g can speed the mass m up: it falls at most v t + g t^2 / 2. One tenth of a
+    second's worth is added for what the posture's springs hold.
+    """
+    mass, speed = float(model.body_subtreemass[1]), float(np.linalg.norm(data.qvel[:3]))
+    start = 0.5 * mass * speed**2
+    weight = mass * setup.gravity
+    return (
+        MARGIN * start + 0.1 * weight * (1.0 + speed) + 1.0,
+        weight * speed,
+        0.5 * weight * setup.gravity,
+    )
+
+
+def overloaded(
+    helmet: Helmet, forces: Forces, rows: Rows, done: int, layout: Layout
+) -> tuple[str, ...]:
+    """What the helmet suffered beyond what it has, in words."""
+    if layout.slide < 0:
+        largest = forces.liner.largest
+        if not len(largest) or largest.max() <= BOTTOMED:
+            return ()
+        x, y, z = forces.liner.columns.point[int(largest.argmax())]
+        return (
+            f"the liner is crushed by {100 * largest.max():.0f} % at ({x * 1e3:.0f}, {y * 1e3:.0f}, "
+            f"{z * 1e3:.0f}) mm, more than foam has: forces there are not to be relied on",
+        )
+    stroke = np.linalg.norm(rows.qpos[:done, layout.slide : layout.slide + 3], axis=1)
+    longest = float(stroke.max(initial=0.0))
+    thickness = max(helmet.liner.zone_thickness(zone) for zone in ("front", "back", "side", "top"))
+    if longest <= thickness:
+        return ()
+    return (
+        f"the coupling spring was compressed by {longest * 1e3:.0f} mm, more than the "
+        f"{thickness * 1e3:.0f} mm that the liner has: use helmet.coupling foam beyond its range",
+    )

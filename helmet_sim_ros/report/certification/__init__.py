@@ -1,0 +1,1 @@
+"""What a certification campaign found, to hand to somebody: CSV, JSON and an HTML page."""

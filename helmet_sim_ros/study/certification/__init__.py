@@ -1,0 +1,1 @@
+"""Certification: protocols of test houses as data, and whole campaigns of their impacts."""

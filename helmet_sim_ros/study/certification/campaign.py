@@ -1,0 +1,192 @@
+"""A protocol and a helmet become a campaign: sites that are struck once or several times."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from helmet_sim_ros.errors import SetupError
+from helmet_sim_ros.model.helmet import Helmet, load_helmet
+from helmet_sim_ros.model.setup import ImpactSetup, setup_from_names
+from helmet_sim_ros.model.surface.config import load_surface
+from helmet_sim_ros.study.certification.protocol import Protocol, Test
+
+DURATION = 0.025  # s; the pulses of all protocols end before
+
+
+@dataclass(frozen=True)
+class Hit:
+    """One impact of a campaign.
+
+    Attributes:
+        test: name of the protocol's test.
+        point: name of the struck point.
+        anvil: what is struck.
+        number: 1 for a new helmet, 2 for the second impact on the same spot.
+        speed: of the drop [m/s].
+        standard: whose limits judge it; None: nothing does.
+        values: dotted names that the campaign sets.
+        setup: the impact.
+    """
+
+    test: str
+    point: str
+    anvil: str
+    number: int
+    speed: float
+    standard: str | None
+    values: Mapping[str, object]
+    setup: ImpactSetup
+
+    @property
+    def name(self) -> str:
+        """Short and unique within a campaign."""
+        again = f" hit {self.number}" if self.number > 1 else ""
+        return f"{self.test} {self.point} {self.anvil} {self.speed:g}{again}"
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """Everything a protocol does to a helmet.
+
+    Attributes:
+        helmet: name or path.
+        name: of the protocol, or path.
+        protocol: what it says.
+        sites: impacts on one spot of one helmet, in order; sites are independent of each other.
+        notes: what a reader should know, in words.
+    """
+
+    helmet: str
+    name: str
+    protocol: Protocol
+    sites: tuple[tuple[Hit, ...], ...]
+    notes: tuple[str, ...]
+
+    @property
+    def hits(self) -> tuple[Hit, ...]:
+        """All impacts in order."""
+        return tuple(hit for site in self.sites for hit in site)
+
+
+def make_campaign(
+    helmet: str,
+    name: str,
+    protocol: Protocol,
+    overrides: Mapping[str, object] | None = None,
+) -> Campaign:
+    """The campaign of a protocol.
+
+    Args:
+        helmet: name in ``config/helmets``, or path.
+        name: of the protocol.
+        protocol: loaded.
+        overrides: dotted names that replace values in every impact.
+
+    Raises:
+        SetupError: a refused value, or a helmet too small for a headform of the protocol.
+    """
+    changes = dict(overrides or {})
+    sites: list[tuple[Hit, ...]] = []
+    for test in protocol.tests:
+        for number in test.speeds:
+            for anvil in test.anvils:
+                for point in test.points:
+                    sites.append(
+                        tuple(
+                            _hit(helmet, protocol, test, point, anvil, number.value, k, changes)
+                            for k in range(1, test.hits + 1)
+                        )
+                    )
+    for site in sites:
+        _check_size(helmet, site[0].setup)
+    own = load_helmet(helmet)
+    notes = [f"{test.name}: {test.note}" for test in protocol.tests if test.note]
+    coupling = sites[0][0].setup.helmet_config.coupling
+    if coupling == "spring":
+        notes.append(
+            "the helmet is its coupling spring: kerb and hemisphere meet a rigid shell, and it "
+            "remembers no crush"
+        )
+    elif own.coupling == "spring":
+        notes.append("the helmet is its foam liner; its file has the coupling spring as usual form")
+    return Campaign(helmet, name, protocol, tuple(sites), tuple(notes))
+
+
+def _hit(
+    helmet: str,
+    protocol: Protocol,
+    test: Test,
+    point: str,
+    anvil: str,
+    speed: float,
+    number: int,
+    changes: Mapping[str, object],
+) -> Hit:
+    if number > 1 and test.later_speed is not None:
+        speed = test.later_speed.value
+    where = protocol.points[point]
+    normal, tangential, heading = along_anvil(anvil, speed)
+    if test.heading_deg is not None and tangential > 0.0:
+        heading = test.heading_deg
+    values: dict[str, object] = {
+        "helmet.name": helmet,
+        "helmet.coupling": usual_form(helmet),
+        "impact.rig": test.rig or protocol.rig,
+        "impact.surface": anvil,
+        "impact.azimuth_deg": where.azimuth_deg,
+        "impact.elevation_deg": where.elevation_deg,
+        "impact.normal_velocity": normal,
+        "impact.tangential_velocity": tangential,
+        "impact.tangential_heading_deg": heading,
+        "head.form": test.headform or protocol.headform,
+        "sim.duration": DURATION,
+        **changes,
+    }
+    setup = setup_from_names(values)
+    return Hit(test.name, point, anvil, number, speed, test.standard, values, setup)
+
+
+def usual_form(helmet: str) -> str:
+    """The form in which a helmet is certified: ``foam``, unless its file gives its own spring."""
+    own = load_helmet(helmet)
+    given = own.coupling == "spring" and not own.spring.identified
+    return "spring" if given else "foam"
+
+
+def along_anvil(anvil: str, speed: float) -> tuple[float, float, float]:
+    """Normal and tangential part [m/s] of a vertical drop on an anvil, and heading [deg]."""
+    _, frame = load_surface(anvil).frame
+    down = frame.T @ np.array([0.0, 0.0, -1.0])
+    across = float(math.hypot(down[0], down[1]))
+    if across < 1e-9:
+        return speed, 0.0, 90.0
+    normal, along = -float(down[2]) * speed, across * speed
+    return round(normal, 6), round(along, 6), round(math.degrees(math.atan2(down[1], down[0])), 6)
+
+
+def inner_circumference(helmet: Helmet) -> float:
+    """Circumference of the liner's inside at the height of the shell's centre [m].
+
+    Perimeter of an ellipse after Ramanujan (1914).
+    """
+    liner, axes = helmet.liner, helmet.shell.semi_axes
+    a = axes[0] - 0.5 * (liner.zone_thickness("front") + liner.zone_thickness("back"))
+    b = axes[1] - liner.zone_thickness("side")
+    root = math.sqrt((3.0 * a + b) * (a + 3.0 * b))
+    return math.pi * (3.0 * (a + b) - root)
+
+
+def _check_size(helmet: str, setup: ImpactSetup) -> None:
+    """Refuse a headform that does not go into the helmet even with the padding pressed flat."""
+    form, inside = setup.headform, inner_circumference(setup.helmet_config)
+    if form is None or form.circumference is None or form.circumference.value <= inside:
+        return
+    raise SetupError.of(
+        "headform", setup.head.form,
+        f"is {form.circumference.value * 1e3:.0f} mm around, the liner of {helmet} only "
+        f"{inside * 1e3:.0f} mm: too small for it; choose a smaller headform or a larger helmet",
+    )  # fmt: skip

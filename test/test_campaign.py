@@ -1,0 +1,91 @@
+"""The attacks of ``python -m bench.campaign`` on files and functions, a few hundred of each."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rclpy", reason="logs for tests are written by the recorder's session")
+
+from click.testing import CliRunner
+
+from bench.campaign.__main__ import main
+from bench.campaign.attack import LONGEST, Attack, Outcome, run, run_case
+from bench.campaign.damaged_logs import DamagedLogs
+from bench.campaign.garbage_blocks import GarbageBlocks
+from bench.campaign.hostile_names import HostileNames
+from bench.campaign.mutated_tables import MutatedTables
+from bench.campaign.mutated_yaml import MutatedYaml
+from bench.campaign.parameter_sets import ParameterSets
+
+#: The same for everybody; ``python -m bench.campaign --seed`` tries others.
+SEED = 17
+
+
+@pytest.mark.parametrize(
+    ("attack", "cases"),
+    [
+        (DamagedLogs, 150),
+        (MutatedYaml, 300),
+        (MutatedTables, 500),
+        (ParameterSets, 1000),
+        (GarbageBlocks, 600),
+        (HostileNames, 25),
+    ],
+)
+def test_nothing_is_lost_and_nothing_else_fails(
+    attack: type[Attack], cases: int, tmp_path: Path
+) -> None:
+    tally = run(attack(), SEED, range(cases), tmp_path / "attack")
+    assert not tally.bad
+    assert sum(tally.counts.values()) == cases
+    assert tally.counts["refused"]
+    # Next to no damage to a log is without any consequence.
+    assert tally.counts["held"] or attack is DamagedLogs
+
+
+class Broken(Attack):
+    """An attack on something that does everything wrong."""
+
+    name, what, cases = "broken", "", (10, 10)
+
+    def prepare(self, folder):
+        self.blob = b""
+
+    def case(self, rng):
+        how = rng.randrange(4)
+        if how == 0:
+            raise ZeroDivisionError("division by zero")
+        if how == 1:
+            return Outcome("lost", "a sample")
+        if how == 2:
+            self.blob = b"x" * 300_000_000
+        if how == 3:
+            end = time.process_time() + 1.1 * LONGEST
+            while time.process_time() < end:
+                pass
+        return Outcome("refused")
+
+
+def test_the_campaign_sees_foreign_errors_losses_hangs_and_memory(tmp_path: Path) -> None:
+    attack = Broken()
+    tally = run(attack, 1, range(1, 13), tmp_path / "attack")
+    details = " ".join(outcome.detail for _, outcome in tally.bad)
+    assert "ZeroDivisionError: division by zero (test_campaign.py line" in details
+    assert "a sample" in details and "MB more memory" in details and "processor time" in details
+    assert tally.slowest > LONGEST
+    number, outcome = tally.bad[0]
+    assert run_case(attack, 1, number)[0].verdict == outcome.verdict
+
+
+def test_the_command_prints_a_table_and_how_to_repeat_a_case() -> None:
+    run_twice = [
+        CliRunner().invoke(main, ["--only", "parameter sets", "--cases", "40", "--seed", "3"])
+        for _ in range(2)
+    ]
+    assert run_twice[0].exit_code == 0
+    assert "parameter sets" in run_twice[0].output and "seed 3" in run_twice[0].output
+    rows = [answer.output.splitlines()[-2] for answer in run_twice]
+    assert rows[0] == rows[1]

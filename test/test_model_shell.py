@@ -1,0 +1,146 @@
+"""The shell as a plate between anvil and liner: limits, refinement, balance."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from helmet_sim_ros import ImpactSetup, evaluate, simulate
+from helmet_sim_ros.biomech.record import ImpactRecord
+from helmet_sim_ros.model.force.shell import bend, move, plate
+from helmet_sim_ros.model.helmet import load_helmet
+from helmet_sim_ros.model.impact import Impact
+
+ANVILS = {"kerbstone": 7.5, "hemisphere": 5.2, "flat_anvil": 7.5}
+NO_BENDING = {"helmet.shell.material.modulus": 0.0}
+#: 10 mm of something that does not yield: 37 times the stiffness of the helmet's own shell.
+RIGID = {
+    "helmet.shell.material.thickness": 0.01,
+    "helmet.shell.material.strength": 5e9,
+}
+
+
+def drop(surface: str, speed: float, **overrides: object) -> ImpactRecord:
+    return simulate(setup(surface, speed, **overrides))
+
+
+def setup(surface: str, speed: float, **overrides: object) -> ImpactSetup:
+    return ImpactSetup(
+        rig="headform", direction="top", normal_velocity=speed, surface=surface, duration=0.02,
+        overrides={"helmet.coupling": "foam", "head.form": "en960_j"} | overrides,
+    )  # fmt: skip
+
+
+def peak_g(record: ImpactRecord) -> float:
+    return evaluate(record, criteria=["peak_g"]).peak_g.value
+
+
+def test_bending_stiffness_is_that_of_a_plate() -> None:
+    material = load_helmet("fullface").shell.material
+    t, e, nu = material.thickness, material.modulus, material.poisson
+    assert material.bending_stiffness == pytest.approx(e * t**3 / (12 * (1 - nu**2)))
+
+
+def test_on_the_plane_ground_the_shell_changes_no_bit() -> None:
+    with_shell, without = drop("ground", 7.5), drop("ground", 7.5, **NO_BENDING)
+    assert np.array_equal(with_shell.head_acceleration, without.head_acceleration)
+
+
+@pytest.mark.parametrize("surface", ANVILS)
+def test_without_bending_stiffness_columns_are_crushed_one_by_one(surface: str) -> None:
+    impact = Impact(setup(surface, ANVILS[surface], **NO_BENDING))
+    impact.advance(impact.total)
+    thin = drop(surface, ANVILS[surface], **{"helmet.shell.material.thickness": 0.0})
+    assert np.array_equal(impact.record().head_acceleration, thin.head_acceleration)
+    assert impact._forces.shell.engaged[0] == 0
+
+
+@pytest.mark.parametrize("surface", ANVILS)
+def test_a_rigid_shell_gives_the_load_of_flat_ground_on_every_anvil(surface: str) -> None:
+    speed = ANVILS[surface]
+    flat = peak_g(drop("ground", speed))
+    assert peak_g(drop(surface, speed, **RIGID)) == pytest.approx(flat, rel=0.03)
+
+
+@pytest.mark.parametrize(("surface", "low", "high"), [("kerbstone", 0.5, 0.85),
+                                                       ("hemisphere", 0.4, 0.85)])  # fmt: skip
+def test_kerb_and_hemisphere_are_softer_than_flat_ground_at_the_same_speed(
+    surface: str, low: float, high: float
+) -> None:
+    assert low < peak_g(drop(surface, 6.0)) / peak_g(drop("ground", 6.0)) < high
+
+
+def test_a_stiffer_shell_spreads_the_load_further() -> None:
+    peaks, reached = [], []
+    for thickness in (0.0015, 0.003, 0.006):
+        record = drop("hemisphere", 5.2, **{"helmet.shell.material.thickness": thickness})
+        peaks.append(peak_g(record))
+        reached.append(int(np.count_nonzero(record.extras["crush"] > 0.05)))
+    assert peaks == sorted(peaks)
+    assert reached == sorted(reached)
+
+
+@pytest.mark.parametrize("surface", ANVILS)
+def test_columns_and_steps_converge_within_two_percent(surface: str) -> None:
+    speed = ANVILS[surface]
+    peak = peak_g(drop(surface, speed))
+    finer = peak_g(drop(surface, speed, **{"helmet.liner.columns": 3000}))
+    assert finer == pytest.approx(peak, rel=0.02)
+    shorter = peak_g(drop(surface, speed, **{"sim.time_step": 2.5e-5}))
+    assert shorter == pytest.approx(peak, rel=0.01)
+
+
+@pytest.mark.parametrize("surface", ANVILS)
+def test_momentum_changes_by_the_impulse_of_the_anvil(surface: str) -> None:
+    impact = Impact(setup(surface, ANVILS[surface]))
+    impact.advance(impact.total)
+    record = impact.record()
+    helmet, head = impact.setup.helmet_config.mass, 4.7
+    weight = (helmet + head) * impact.setup.gravity
+    states = list(impact.states())
+    momentum = [_momentum(impact, q, v) for q, v in (states[0], states[-1])]
+    impulse = np.trapezoid(record.ground_force[:, 2] - weight, record.time)
+    assert momentum[1] - momentum[0] == pytest.approx(impulse, rel=3e-3)
+
+
+def _momentum(impact: Impact, q: np.ndarray, v: np.ndarray) -> float:
+    import mujoco
+
+    data = mujoco.MjData(impact.model)
+    data.qpos[:], data.qvel[:] = q, v
+    mujoco.mj_forward(impact.model, data)
+    mujoco.mj_subtreeVel(impact.model, data)
+    return float(data.subtree_linvel[1][2] * impact.model.body_subtreemass[1])
+
+
+def test_the_plates_own_forces_add_up_to_no_force_and_no_moment() -> None:
+    impact = Impact(setup("kerbstone", 7.5))
+    own = plate(impact.setup.helmet_config, impact._forces.liner)
+    rng = np.random.default_rng(1)
+    own.height[:] = 1e-3 * rng.standard_normal(own.height.shape)
+    own.anvil[:] = -1.0
+    bend(own)
+    assert np.abs(own.bent).max() > 0.0
+    move(own, own.longest)
+    n = len(own.speed)
+    x = np.arange(n)[:, None] * np.ones((1, n))
+    size = np.abs(own.speed).sum()
+    assert abs(own.speed.sum()) < 1e-9 * size
+    assert abs((own.speed * x).sum()) < 1e-9 * size * n
+    assert abs((own.speed * x.T).sum()) < 1e-9 * size * n
+
+
+def test_a_plane_plate_does_not_resist() -> None:
+    impact = Impact(setup("kerbstone", 7.5))
+    own = plate(impact.setup.helmet_config, impact._forces.liner)
+    x = np.arange(len(own.height))[:, None] * 1e-3
+    own.height[:] = x + 2.0 * x.T
+    bend(own)
+    assert np.abs(own.bent).max() < 1e-9
+
+
+def test_a_bottomed_out_liner_says_where() -> None:
+    record = drop("hemisphere", 12.0)
+    assert any("bottomed out" in note and "mm in the helmet" in note
+               for note in record.extras["notes"])  # fmt: skip
+    assert not any("bottomed out" in note for note in drop("ground", 5.0).extras["notes"])

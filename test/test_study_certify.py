@@ -1,0 +1,231 @@
+"""Certification campaigns: protocols as data, verdicts, files, and the command line."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from click.testing import CliRunner
+
+from helmet_sim_ros import ImpactSetup, certify, simulate
+from helmet_sim_ros.cli import main
+from helmet_sim_ros.errors import SetupError
+from helmet_sim_ros.resources import share_directory
+from helmet_sim_ros.study import load_protocol, load_scenario
+from helmet_sim_ros.study.certification.campaign import along_anvil, make_campaign
+from helmet_sim_ros.study.certification.certify import Certification
+
+PROTOCOLS = sorted(p.stem for p in (share_directory() / "config" / "protocols").glob("*.yaml"))
+#: Two drops of a protocol of our own: quick.
+SMALL = """
+title: two drops
+source: test
+verified: false
+headform: en960_j
+points:
+  crown: {azimuth_deg: 0.0, elevation_deg: 90.0, source: test}
+tests:
+  - name: drop
+    points: [crown]
+    anvils: [ground]
+    speeds: [{value: 6.0, source: test, verified: false}]
+    hits: 2
+    standard: fmvss_218
+"""
+
+
+@pytest.fixture(scope="module")
+def r22() -> Certification:
+    return certify("fullface", "ece_r22_06")
+
+
+@pytest.fixture
+def small(tmp_path: Path) -> Path:
+    path = tmp_path / "small.yaml"
+    path.write_text(SMALL)
+    return path
+
+
+def changed(small: Path, old: str, new: str) -> Path:
+    text = small.read_text()
+    assert old in text
+    small.write_text(text.replace(old, new))
+    return small
+
+
+def test_every_protocol_of_the_contract_is_there() -> None:
+    assert {"ece_r22_05", "ece_r22_06", "sharp", "fmvss_218", "snell_m2020", "fim_frhphe_02",
+            "en_1078", "cpsc_1203", "virginia_tech_star"} <= set(PROTOCOLS)  # fmt: skip
+
+
+@pytest.mark.parametrize("name", PROTOCOLS)
+def test_every_number_of_a_protocol_says_where_it_comes_from(name: str) -> None:
+    protocol = load_protocol(name)
+    assert protocol.source
+    assert protocol.not_modelled
+    for test in protocol.tests:
+        assert all(number.source for number in test.speeds)
+    assert all(point.source for point in protocol.points.values())
+
+
+def test_sharp_has_30_linear_and_2_oblique_impacts() -> None:
+    hits = make_campaign("fullface", "sharp", load_protocol("sharp")).hits
+    assert len(hits) == 32
+    assert sum(hit.setup.tangential_velocity > 0.0 for hit in hits) == 2
+
+
+def test_a_drop_on_an_inclined_anvil_splits_into_normal_and_tangential_speed() -> None:
+    normal, tangential, heading = along_anvil("bar_anvil_45", 8.0)
+    assert (normal, tangential) == pytest.approx((8.0 / 2**0.5, 8.0 / 2**0.5))
+    assert heading == pytest.approx(90.0)  # downhill
+    assert along_anvil("kerbstone", 7.5)[:2] == (7.5, 0.0)
+
+
+def test_fullface_passes_every_test_of_r22_06(r22: Certification) -> None:
+    assert len(r22.rows) == 34
+    assert r22.verdict == "pass", [row.hit.name for row in r22.failed]
+    assert r22.worst_margin is not None and 0.0 < r22.worst_margin < 0.5
+
+
+def test_a_liner_of_half_the_thickness_fails(r22: Certification) -> None:
+    half = certify("fullface", "ece_r22_06", overrides={"helmet.liner.thickness": 0.022})
+    assert half.verdict == "fail"
+    assert any(row.anvil == "kerbstone" for row in half.failed)
+
+
+def test_a_row_tells_point_anvil_speeds_criteria_and_margin(r22: Certification) -> None:
+    row = next(row for row in r22.rows if row.test == "oblique")
+    assert (row.point, row.anvil, row.speed, row.hit_number) == ("front", "bar_anvil_45", 8.0, 1)
+    assert row.normal_velocity == pytest.approx(5.657, abs=1e-3)
+    limited = [c for c in row.criteria.values() if c.limit is not None]
+    assert {c.name for c in limited} == {"peak_angular_acceleration_cfc1000", "bric"}
+    assert row.margin == pytest.approx(min(1.0 - c.value / c.limit for c in limited if c.limit))
+
+
+def test_the_kerb_is_softer_than_the_flat_anvil_at_the_same_point_and_speed(
+    r22: Certification,
+) -> None:
+    peaks = {(r.point, r.anvil, r.speed): r.criteria["peak_g"].value
+             for r in r22.rows if r.test != "oblique"}  # fmt: skip
+    for (point, anvil, speed), peak in peaks.items():
+        if anvil == "kerbstone":
+            assert peak < 0.9 * peaks[point, "flat_anvil", speed]
+
+
+def test_a_second_hit_on_the_same_spot_is_worse(small: Path) -> None:
+    first, second = certify("fullface", small).rows
+    assert second.criteria["peak_g"].value > 1.1 * first.criteria["peak_g"].value
+    assert second.strain is not None and first.strain is not None
+    assert second.strain > first.strain
+
+
+def test_the_number_of_workers_changes_no_bit(small: Path) -> None:
+    one, two = certify("fullface", small, workers=1), certify("fullface", small, workers=2)
+    for a, b in zip(one.rows, two.rows, strict=True):
+        assert np.array_equal(a.acceleration, b.acceleration)
+
+
+def test_a_monorail_lets_the_head_not_turn() -> None:
+    common = {
+        "direction": "front", "normal_velocity": 5.0, "tangential_velocity": 3.0,
+        "duration": 0.01, "overrides": {"helmet.coupling": "foam"},
+    }  # fmt: skip
+    free = simulate(ImpactSetup(rig="headform", **common))
+    guided = simulate(ImpactSetup(rig="monorail", **common))
+    spin = [np.abs(r.head_angular_velocity).max() for r in (free, guided)]
+    assert spin[0] > 1.0
+    assert spin[1] < 1e-3 * spin[0]
+
+
+@pytest.mark.parametrize(
+    ("direction", "site"),
+    [("front", (0, 0)), ("back", (180, 0)), ("left", (90, 0)), ("right", (-90, 0))],
+)
+def test_azimuth_and_elevation_name_the_same_place_as_a_direction(
+    direction: str, site: tuple[float, float]
+) -> None:
+    common = {"rig": "headform", "direction": direction, "duration": 0.005}
+    named = simulate(ImpactSetup(**common))
+    placed = simulate(ImpactSetup(**common, azimuth_deg=site[0], elevation_deg=site[1]))
+    turn = placed.head_orientation[0] @ named.head_orientation[0]
+    assert abs(turn) == pytest.approx(1.0, abs=1e-12)  # q and -q are the same orientation
+
+
+def test_a_rider_is_not_placed_by_azimuth() -> None:
+    with pytest.raises(SetupError, match=r"azimuth_deg = 10.0: must be unset for rig rider"):
+        ImpactSetup(azimuth_deg=10.0)
+
+
+def test_json_csv_and_page_say_that_it_is_no_approval(r22: Certification, tmp_path: Path) -> None:
+    from helmet_sim_ros.report.certification.page import write_certification
+
+    paths = {p.suffix: p.read_text() for p in write_certification(r22, tmp_path)}
+    data = json.loads(paths[".json"])
+    assert "no approval" in data["disclaimer"]
+    assert data["verdict"] == "pass"
+    assert data["worst_margin"] == pytest.approx(r22.worst_margin)
+    table = list(csv.DictReader(io.StringIO(paths[".csv"])))
+    assert len(table) == len(r22.rows)
+    assert float(table[0]["peak_g"]) == pytest.approx(r22.rows[0].criteria["peak_g"].value)
+    page = paths[".html"]
+    assert page.index("no approval") < page.index("<h2>")
+    assert page.count("<details id=") == len(r22.rows)
+    assert "http://" not in page.replace("http://www.w3.org", "")
+    for text in load_protocol("ece_r22_06").not_modelled:
+        assert text.split(":")[0] in page
+
+
+def test_a_protocol_becomes_a_scenario_with_the_same_impacts(tmp_path: Path) -> None:
+    path = tmp_path / "out.yaml"
+    run = CliRunner().invoke(
+        main, ["certify", "fullface", "--protocol", "fmvss_218", "--scenario", str(path)]
+    )
+    assert run.exit_code == 0, run.output
+    campaign = make_campaign("fullface", "fmvss_218", load_protocol("fmvss_218"))
+    assert list(load_scenario(path).setups) == [site[0].setup for site in campaign.sites]
+    assert "4 later hits" in yaml.safe_load(path.read_text())["description"]
+
+
+def test_exit_code_0_passes_1_fails_2_is_bad_input(small: Path) -> None:
+    def run(*options: str) -> int:
+        return CliRunner().invoke(main, ["certify", *options]).exit_code
+
+    assert run("fullface", "--protocol", str(small)) == 0
+    thin = "helmet.liner.thickness=0.012"
+    assert run("fullface", "--protocol", str(small), "--override", thin) == 1
+    assert run("fullface", "--protocol", "no_such") == 2
+    assert run("no_such", "--protocol", str(small)) == 2
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("anvils: [ground]", "anvils: [anvil_x]", r"tests\[0\].anvils = 'anvil_x': must be one of"),
+        ("points: [crown]", "points: [Q]", "must be one of the protocol's points: crown"),
+        ("headform: en960_j", "headform: en960_z", "headform = 'en960_z': must be one of"),
+        ("standard: fmvss_218", "standard: dot", r"tests\[0\].standard = 'dot': must be one of"),
+        ("value: 6.0", "value: -1.0", "must be a number from above 0 to 30 m/s"),
+        ("hits: 2", "hits: 0", "must be an integer from 1 to 5"),
+        ("source: test\nverified", "sauce: test\nverified", "unknown key"),
+    ],
+)
+def test_bad_protocols_are_refused_by_name(small: Path, old: str, new: str, message: str) -> None:
+    with pytest.raises(SetupError, match=message):
+        certify("fullface", changed(small, old, new))
+
+
+def test_a_criterion_that_does_not_exist_is_refused_by_name(small: Path, tmp_path: Path) -> None:
+    standard = tmp_path / "standard.yaml"
+    standard.write_text("title: t\nlimits:\n  peak_q: {max: 1.0, source: test, verified: false}\n")
+    with pytest.raises(SetupError, match=r"limits\.peak_q"):
+        certify("fullface", changed(small, "standard: fmvss_218", f"standard: {standard}"))
+
+
+def test_a_helmet_too_small_for_the_headform_is_refused(small: Path) -> None:
+    with pytest.raises(SetupError, match=r"en960_o.*too small"):
+        certify("bicycle", changed(small, "headform: en960_j", "headform: en960_o"))
