@@ -10,12 +10,13 @@ from trimesh import Trimesh
 
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.errors import SetupError
+from helmet_sim_ros.model.headform import load_headform
 from helmet_sim_ros.model.rider.anthropometry import anthropometry
-from helmet_sim_ros.model.setup import Rider
+from helmet_sim_ros.model.rider.properties import Rider
 from helmet_sim_ros.study.helmets.cells import Cells
 
-#: Circumferences of the headforms of UN R22 and EN 960 [m].
-HEADFORMS = {"A": 0.500, "E": 0.540, "J": 0.570, "M": 0.600, "O": 0.620}
+SIZES = ("A", "E", "J", "M", "O")  # headforms of UN R22 and EN 960, in config/headforms
+AVERAGE = 0.570  # m, circumference of the head whose centre of gravity is known (de Leva)
 #: Length and breadth of the average male head over its circumference (ANSUR II: 199, 154 and
 #: 574 mm, general literature values). The headform is taken as an ellipsoid of these.
 LENGTH, BREADTH = 0.199 / 0.574, 0.154 / 0.574
@@ -42,10 +43,11 @@ def headform(size: str) -> FloatArray:
     Raises:
         SetupError: unknown size.
     """
-    if size not in HEADFORMS:
-        raise SetupError.of("headform", size, f"must be one of {', '.join(HEADFORMS)}")
-    girth = HEADFORMS[size]
-    up = anthropometry(Rider()).head_depth * girth / HEADFORMS["J"]
+    if size not in SIZES:
+        raise SetupError.of("headform", size, f"must be one of {', '.join(SIZES)}")
+    stated = load_headform(f"en960_{size.lower()}").circumference
+    girth = AVERAGE if stated is None else stated.value
+    up = anthropometry(Rider()).head_depth * girth / AVERAGE
     return np.array([0.5 * LENGTH * girth, 0.5 * BREADTH * girth, up])
 
 

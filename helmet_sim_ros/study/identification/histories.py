@@ -9,6 +9,7 @@ import numpy as np
 
 from helmet_sim_ros.biomech.pulse import STANDARD_GRAVITY, FloatArray
 from helmet_sim_ros.errors import SetupError
+from helmet_sim_ros.model.setup import Direction
 from helmet_sim_ros.study.identification.drop_tests import ZONES
 from helmet_sim_ros.study.tables import Column, read_table
 
@@ -20,6 +21,8 @@ SPEEDS = {"m/s": 1.0, "km/h": 1.0 / 3.6}
 PEAKS = (15.0, 1000.0)
 LONGEST = 1.0  # s
 FEWEST = 30  # samples
+STRUCK: dict[str, Direction] = {"front": "front", "back": "back", "left": "left", "right": "right",
+                                "side": "left", "top": "top"}  # fmt: skip
 #: ISO-MME channel codes: resultant acceleration of the head's centre of gravity, and its axes.
 RESULTANT, AXES = "ACR", ("ACX", "ACY", "ACZ")
 
@@ -36,7 +39,7 @@ class MeasuredDrop:
         source: file.
     """
 
-    direction: str
+    direction: Direction
     speed: float
     time: FloatArray
     acceleration: FloatArray
@@ -88,8 +91,8 @@ def read_histories(path: Path) -> list[MeasuredDrop]:
         if not 0.5 <= speed <= 15.0:
             raise SetupError.of("speed", speed, "m/s must be from 0.5 to 15", where)
         time, acceleration = read_history(path.parent / row["file"])
-        direction = "left" if direction == "side" else direction
-        drops.append(MeasuredDrop(direction, speed, time, acceleration, row["file"]))
+        struck: Direction = STRUCK[direction]
+        drops.append(MeasuredDrop(struck, speed, time, acceleration, row["file"]))
     if not drops:
         raise SetupError.of("tests", str(path), "lists no test")
     return drops
@@ -197,7 +200,7 @@ def _isomme(folder: Path) -> tuple[FloatArray, FloatArray, tuple[int, ...]]:
     if not set(wanted) <= channels.keys():
         raise SetupError.of("file", str(folder), "has no channel of the head's acceleration")
     parts = []
-    time = np.zeros(0)
+    time: FloatArray = np.zeros(0)
     for code in wanted:
         path, fields, lines = channels[code]
         unit = fields.get("unit", "")

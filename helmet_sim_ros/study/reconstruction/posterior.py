@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from helmet_sim_ros.biomech.record import FloatArray
@@ -286,7 +287,7 @@ def _settled(before: FloatArray, sample: FloatArray) -> bool:
 
 
 def _kept(points: FloatArray, crush: FloatArray) -> tuple[FloatArray, FloatArray]:
-    finite = np.isfinite(crush).all(axis=1)
+    finite: NDArray[np.bool_] = np.isfinite(crush).all(axis=1)
     if finite.mean() < 0.8:
         raise StudyError(f"{int((~finite).sum())} of {len(finite)} simulations diverged")
     return points[finite], crush[finite]
