@@ -1,6 +1,6 @@
 """Draw the pictures of docs/gallery.md anew: examples, and the report as a browser shows it.
 
-    python docs/make_gallery.py     # needs chromium with chromedriver
+python docs/make_gallery.py     # needs chromium with chromedriver
 """
 
 from __future__ import annotations

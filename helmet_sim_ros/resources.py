@@ -65,7 +65,7 @@ def find_config(kind: str, name_or_path: str, key: str, suffix: str = ".yaml") -
     return path
 
 
-def restrict_reach(places: Iterable[str | Path]) -> None:
+def restrict_reach(places: Iterable[Path]) -> None:
     """From now on, let :func:`find_config` open in this process only what its operator chose.
 
     That is: the shipped files, files that were found before, ``places`` that are files, and files
@@ -73,8 +73,7 @@ def restrict_reach(places: Iterable[str | Path]) -> None:
     from others, as every node does.
     """
     global _reach
-    chosen = (_resolved(Path(place), "config_paths") for place in places if place != "")
-    _reach = frozenset(chosen) | _named
+    _reach = frozenset(_resolved(place, "config_paths") for place in places) | _named
 
 
 def is_path(name_or_path: str, suffix: str = ".yaml") -> bool:

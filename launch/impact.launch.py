@@ -3,6 +3,8 @@
 Then set parameters and call ``/simulation/run_impact``, or call ``/scenario/run``.
 """
 
+import json
+
 from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
@@ -14,6 +16,7 @@ ARGUMENTS = {
     "scenario": ("oblique_table1", "name in config/scenarios, or path to a YAML file"),
     "standard": ("", "name in config/standards, or path to a YAML file"),
     "simulation_params": ("", "ROS parameter file for the simulation node"),
+    "one_process": ("false", "true: all nodes in one process"),
 }
 
 
@@ -26,6 +29,26 @@ def nodes(context: LaunchContext) -> list[Node]:
         "recorder": [{"output_dir": given["output_dir"]}],
         "scenario": [{"scenario.file": given["scenario"]}],
     }
+    if given["one_process"] == "true":
+        settings = {
+            "evaluator:standard": given["standard"],
+            "recorder:output_dir": given["output_dir"],
+            "scenario:scenario.file": given["scenario"],
+        }
+        return [
+            Node(
+                package="helmet_sim_ros",
+                executable="one_process_node",
+                namespace=given["namespace"],
+                parameters=parameters["simulation"],
+                ros_arguments=[
+                    word
+                    for key, value in settings.items()
+                    for word in ("-p", f"{key}:={json.dumps(value)}")
+                ],
+                output="screen",
+            )
+        ]
     return [
         Node(
             package="helmet_sim_ros",

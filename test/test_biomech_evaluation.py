@@ -51,7 +51,7 @@ def drop_record(
     arrays["head_acceleration"][:, 2] = pulse
     arrays["head_velocity"][:, 2] = speed - speed[-1] / 2
     arrays["ground_force"][:, 2] = 4.5 * pulse
-    arrays["ground_force"][:, 0] = -0.3 * 4.5 * pulse
+    arrays["ground_force"][:, 0] = arrays["ground_friction"][:, 0] = -0.3 * 4.5 * pulse
     arrays["coupling_displacement"][:, 1] = -pulse / pulse.max() * 0.02
     return ImpactRecord(time=time, **arrays)
 

@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from helmet_sim_ros.biomech import bric, damage, hic, klc, ric, to_head_axes, ubric
+from helmet_sim_ros.biomech.rotation import matrices, quaternions, rotation_vectors
 
 Array = NDArray[np.float64]
 
@@ -145,3 +146,18 @@ def test_head_axes_are_those_of_the_orientation() -> None:
     quarter = Rotation.from_euler("z", 90, degrees=True).as_quat()
     right = to_head_axes([[1.0, 0.0, 0.0]] * 2, [quarter] * 2)
     assert right[0] == pytest.approx([0.0, -1.0, 0.0], abs=1e-12)
+
+
+def test_rotation_vectors_quaternions_and_matrices_are_those_of_a_library() -> None:
+    turns = Rotation.random(500, random_state=3)
+    q, v = turns.as_quat(), turns.as_rotvec()
+    assert rotation_vectors(q) == pytest.approx(v, abs=1e-12)
+    assert rotation_vectors(-q) == pytest.approx(v, abs=1e-12)  # the same rotation
+    assert matrices(q) == pytest.approx(turns.as_matrix(), abs=1e-12)
+    assert matrices(quaternions(v)) == pytest.approx(turns.as_matrix(), abs=1e-12)
+
+
+@pytest.mark.parametrize("size", [0.0, 1e-13, 1e-9, 1e-4, np.pi - 1e-9])
+def test_a_rotation_of_any_size_comes_back(size: float) -> None:
+    vector = size * np.array([[0.6, -0.64, 0.48]])
+    assert rotation_vectors(quaternions(vector)) == pytest.approx(vector, rel=1e-6, abs=1e-18)

@@ -25,7 +25,7 @@ def helmet_sim(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     def forbidden(*args: object, **kwargs: object) -> None:
         raise AssertionError("nodes were started")
 
-    monkeypatch.setattr(run_verb, "NodeProcesses", forbidden)
+    monkeypatch.setattr(run_verb, "start_nodes", forbidden)
     monkeypatch.chdir(tmp_path)
 
     def call(*arguments: str) -> Result:

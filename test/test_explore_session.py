@@ -170,6 +170,22 @@ def test_a_stale_computation_ends_as_soon_as_it_looks():
     assert answers == [1] and looks == [0]
 
 
+def test_an_answer_that_cannot_be_shown_does_not_end_the_worker(caplog):
+    seen: list[int] = []
+
+    def deliver(key: str, answer: int) -> None:
+        if answer == 0:
+            raise RuntimeError("the browser is gone")
+        seen.append(answer)
+
+    worker = LatestWins(lambda request, check: request, deliver)
+    for number in (0, 1):
+        worker.submit("a", number)
+        assert worker.wait_idle(PATIENCE)
+    worker.close()
+    assert seen == [1] and "the browser is gone" in caplog.text
+
+
 # the session
 
 
@@ -232,6 +248,16 @@ def test_another_helmet_comes_with_its_own_values(session):
     session.change("A", HELMET, "bicycle")
     assert session.slot("A").changes == {HELMET: "bicycle"}
     assert session.slot("A").setup.helmet_config == load_helmet("bicycle")
+
+
+def test_a_value_without_effect_is_refused_and_one_that_stops_having_any_is_set_back(session):
+    assert session.change("A", "helmet.spring.energy_loss", 0.9)
+    assert session.change("A", "helmet.coupling", "foam")
+    assert session.slot("A").changes == {"helmet.coupling": "foam"}
+    assert "set back" in session.refusal and "helmet.spring.energy_loss" in session.refusal
+    assert not session.change("A", "helmet.spring.energy_loss", 0.8)
+    assert "no effect" in session.refusal
+    assert session.slot("A").changes == {"helmet.coupling": "foam"}
 
 
 def test_b_begins_as_a_and_is_told_apart(session):

@@ -3,41 +3,60 @@
 import numpy as np
 import pytest
 
-from helmet_sim_ros.model import contact
+from helmet_sim_ros.model.compiled import compiled
+from helmet_sim_ros.model.force import contact
+from helmet_sim_ros.model.force.bodies import FORCE, HELMET, Loads, Motion, motion_of, no_loads
+from helmet_sim_ros.model.force.contact import Contact
+from helmet_sim_ros.model.force.friction import RELAXATION, friction_force, normal_force
 from helmet_sim_ros.model.impact import Impact, simulate
 from helmet_sim_ros.model.setup import ImpactSetup
+from helmet_sim_ros.model.surface.compiled import Surface
+
+UP = (0.0, 0.0, 1.0)
+STEP, STIFFNESS = 1e-5, 1e6  # s, N/m
+
+
+def rubbed(
+    stick: np.ndarray, limit: float, slip: tuple[float, float, float],
+    normal: tuple[float, float, float] = UP,
+) -> np.ndarray:  # fmt: skip
+    """Friction [N] after one more step."""
+    return np.array(friction_force(STIFFNESS, RELAXATION, limit, slip, normal, STEP, stick))
 
 
 def test_the_normal_force_pushes_only() -> None:
-    assert contact.normal_force(1e6, 0.2, 0.001, 0.0) == pytest.approx(1000.0)
-    assert contact.normal_force(1e6, 0.2, 0.001, 2.0) == pytest.approx(1400.0)
-    assert contact.normal_force(1e6, 0.2, 0.001, -100.0) == 0.0
-    assert contact.normal_force(1e6, 0.2, -0.001, 5.0) == 0.0
+    assert normal_force(1e6, 0.2, 0.001, 0.0) == pytest.approx(1000.0)
+    assert normal_force(1e6, 0.2, 0.001, 2.0) == pytest.approx(1400.0)
+    assert normal_force(1e6, 0.2, 0.001, -100.0) == 0.0
+    assert normal_force(1e6, 0.2, -0.001, 5.0) == 0.0
 
 
 def test_friction_sticks_below_its_limit_and_slips_at_it() -> None:
-    stick = np.zeros(2)
-    step, stiffness = 1e-5, 1e6
-    held = [
-        contact.friction_force(stiffness, contact.RELAXATION, 100.0, 0.5, 0.0, step, stick)
-        for _ in range(5)
-    ]
-    relaxation = contact.RELAXATION * 0.5
-    assert held[4][0] == pytest.approx(-stiffness * (5 * 0.5 * step + relaxation))
+    stick = np.zeros(3)
+    held = [rubbed(stick, 100.0, (0.5, 0.0, 0.0)) for _ in range(5)]
+    assert held[4][0] == pytest.approx(-STIFFNESS * (5 * 0.5 * STEP + RELAXATION * 0.5))
     for _ in range(500):
-        x, y = contact.friction_force(stiffness, contact.RELAXATION, 100.0, 3.0, 4.0, step, stick)
-    assert np.hypot(x, y) == pytest.approx(100.0)
-    assert (x, y) == pytest.approx((-60.0, -80.0), rel=1e-3)  # against the slip
+        force = rubbed(stick, 100.0, (3.0, 4.0, 0.0))
+    assert np.linalg.norm(force) == pytest.approx(100.0)
+    assert force == pytest.approx([-60.0, -80.0, 0.0], rel=1e-3)  # against the slip
+
+
+def test_friction_lies_in_a_tilted_surface_also_when_it_turns() -> None:
+    stick = np.zeros(3)
+    for _ in range(200):
+        rubbed(stick, 100.0, (3.0, 0.0, 0.0))
+    tilted = (0.6, 0.0, 0.8)
+    force = rubbed(stick, 100.0, (0.0, 1.0, 0.0), tilted)
+    assert force @ tilted == pytest.approx(0.0, abs=1e-9)
+    assert stick @ tilted == pytest.approx(0.0, abs=1e-12)
+    assert force[1] < 0.0
 
 
 def test_friction_reverses_with_the_slip_through_the_elastic_deflection() -> None:
-    stick = np.zeros(2)
+    stick = np.zeros(3)
     for _ in range(200):
-        contact.friction_force(1e6, contact.RELAXATION, 400.0, 1.0, 0.0, 1e-5, stick)
-    force = [
-        contact.friction_force(1e6, contact.RELAXATION, 400.0, -1.0, 0.0, 1e-5, stick)[0]
-        for _ in range(100)
-    ]
+        rubbed(stick, 400.0, (1.0, 0.0, 0.0))
+    force = [rubbed(stick, 400.0, (-1.0, 0.0, 0.0))[0] for _ in range(100)]
     assert force[0] < 0.0 < force[-1] == pytest.approx(400.0)
     assert np.all(np.diff(force) >= -1e-9)
 
@@ -51,10 +70,12 @@ def test_tangential_force_never_exceeds_friction_times_normal_force(
         rig=rig, normal_velocity=6.0, tangential_velocity=8.0, friction=friction,
         tangential_heading_deg=35.0,
     )  # fmt: skip
-    force = simulate(setup).ground_force
+    record = simulate(setup)
+    force = record.ground_force
     tangential = np.linalg.norm(force[:, :2], axis=1)
     assert np.all(force[:, 2] >= 0.0)
     assert np.all(tangential <= friction * force[:, 2] * (1 + 1e-9) + 1e-9)
+    assert np.linalg.norm(record.ground_friction, axis=1) == pytest.approx(tangential)
     if friction:
         ratio = tangential / np.maximum(force[:, 2], 1e-9)
         assert ratio.max() == pytest.approx(friction, rel=1e-6)  # it does slide
@@ -88,3 +109,34 @@ def test_the_moment_of_the_ground_force_acts_at_the_contact_point() -> None:
     offset = np.array([x, y]) - record.helmet_position[i, :2]
     assert np.linalg.norm(offset) < 0.03
     assert abs(torque @ force) < 1e-2 * np.linalg.norm(torque) * np.linalg.norm(force)
+
+
+def test_a_bent_shell_gives_back_the_stated_share() -> None:
+    """Pressed and released slowly: k down, k / returned back."""
+    impact = Impact(ImpactSetup(rig="headform", direction="top", gravity=0.0, duration=1e-3))
+    motion, surface = motion_of(impact._data), impact.surface
+    shell = impact.contact
+    returned, stiffness = shell.returned[0], shell.stiffness[0]
+    touching = motion.position[:, 2].copy()
+    peak = 1e-3
+    down = np.linspace(0.0, peak, 2001)
+    forces = []
+    for depth in np.concatenate([down, down[::-1]]):
+        motion.position[:, 2] = touching - depth
+        loads = no_loads(impact.model)
+        press_all(shell, surface, motion, loads)
+        forces.append(loads.surface[HELMET, FORCE + 2])
+    loaded, unloaded = np.trapezoid(forces[:2001], down), -np.trapezoid(forces[2001:], down[::-1])
+    assert forces[2000] == pytest.approx(stiffness * peak, rel=1e-6)
+    assert unloaded / loaded == pytest.approx(returned, rel=1e-3)
+    motion.position[:, 2] = touching + 1e-3  # lifted off, the shell is as it was
+    press_all(shell, surface, motion, no_loads(impact.model))
+    motion.position[:, 2] = touching - 0.5 * peak
+    loads = no_loads(impact.model)
+    press_all(shell, surface, motion, loads)
+    assert loads.surface[HELMET, FORCE + 2] == pytest.approx(0.5 * stiffness * peak, rel=1e-6)
+
+
+@compiled
+def press_all(shell: Contact, surface: Surface, motion: Motion, loads: Loads) -> None:
+    contact.apply(shell, surface, 1e-5, motion, loads)

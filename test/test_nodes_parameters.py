@@ -27,7 +27,7 @@ from helmet_sim_ros.mcap_log.digest import setup_digest
 from helmet_sim_ros.model.helmet import Helmet, load_helmet
 from helmet_sim_ros.model.setup import ImpactSetup, setup_leaves
 from helmet_sim_ros.nodes import samples
-from helmet_sim_ros.nodes.parameters import NODE_OPTIONS, Parameters
+from helmet_sim_ros.nodes.parameters import NODE_OPTIONS, Parameters, config_paths
 from helmet_sim_ros.nodes.setup_parameters import NOT_A_PARAMETER, SimulationConfig, declare
 from helmet_sim_ros.schema import Leaf, leaves
 
@@ -266,3 +266,12 @@ def test_a_setup_that_is_not_the_one_of_its_digest_is_refused() -> None:
             continue
         with pytest.raises(IncompleteError, match="digest"):
             samples.from_message(message)
+
+
+def test_what_the_operator_names_is_a_list_or_one_path_and_is_there(tmp_path: Path) -> None:
+    """A path that was mistyped, or given without brackets, would have opened nothing in silence."""
+    for given in (f"[{tmp_path}]", str(tmp_path)):
+        assert config_paths(create(f"config_paths:={given}")) == [tmp_path]
+        rclpy.try_shutdown()
+    with pytest.raises(SetupError, match=r"config_paths = .*: no such file"):
+        config_paths(create(f"config_paths:=[{tmp_path / 'none'}]"))

@@ -72,12 +72,14 @@ def within(leaf: Leaf) -> st.SearchStrategy:
     return st.floats(low, high, exclude_min=leaf.exclusive_minimum)
 
 
-#: Numbers and choices, without the steps of time, which depend on each other.
+#: Where a headform is struck; a rider is placed otherwise.
+PLACED = ("impact.azimuth_deg", "impact.elevation_deg")
+#: Numbers and choices, without those that depend on others.
 LEAVES = {
     leaf.name: leaf
     for leaf in setup_leaves()
     if (leaf.choices or (leaf.type is float and leaf.maximum is not None))
-    and not leaf.name.startswith("sim.")
+    and not leaf.name.startswith(("sim.", *PLACED))
 }
 sets = st.lists(st.sampled_from(sorted(LEAVES)), min_size=1, max_size=6, unique=True).flatmap(
     lambda names: st.fixed_dictionaries({name: within(LEAVES[name]) for name in names})

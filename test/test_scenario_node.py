@@ -137,11 +137,12 @@ def test_a_scenario_runs_from_nodes_to_table_and_log(start, tmp_path):
     assert file.name.startswith("drops_")
 
 
-def test_ctrl_c_ends_all_nodes_and_leaves_a_finished_log(start, tmp_path):
-    process = start("run", "long.yaml")
+@pytest.mark.parametrize(("option", "count"), [("--four-processes", 4), ("--one-process", 0)])
+def test_ctrl_c_ends_all_nodes_and_leaves_a_finished_log(start, tmp_path, option, count):
+    process = start("run", "long.yaml", option)
     wait_until(lambda: recording(tmp_path / "logs"))
     nodes = children(process.pid)
-    assert len(nodes) == 4
+    assert len(nodes) == count
     process.send_signal(signal.SIGINT)
     process.communicate(timeout=60)
     assert process.returncode == 1
@@ -152,7 +153,7 @@ def test_ctrl_c_ends_all_nodes_and_leaves_a_finished_log(start, tmp_path):
 
 
 def test_the_crash_of_one_node_is_told_and_ends_the_others(start, tmp_path):
-    process = start("run", "long.yaml")
+    process = start("run", "long.yaml", "--four-processes")
     wait_until(lambda: recording(tmp_path / "logs"))
     nodes = children(process.pid)
     os.kill(node_named(nodes, "simulation"), signal.SIGKILL)

@@ -16,6 +16,7 @@ from helmet_sim_ros.study.identification.drop_tests import (
     DropTest,
     drop_test,
     loop_energy_loss,
+    padding_stroke,
     simulated_drops,
 )
 from helmet_sim_ros.study.identification.fit import identify
@@ -29,15 +30,15 @@ def base() -> Helmet:
 
 
 def synthetic(noise: float = 0.0, seed: int = 0) -> list[DropTest]:
-    """Peaks that lie on known laws, the shell's bending added."""
+    """Peaks that lie on known laws, the shell's bending and the padding's stroke added."""
     rng, tests = np.random.default_rng(seed), []
     for side, (scale, exponent) in LAWS.items():
         for speed in SPEEDS:
             depth = 0.0036 * speed
             force = scale * math.expm1(exponent * depth) * (1.0 + noise * rng.standard_normal())
-            tests.append(
-                DropTest(side, speed, force, depth + force / base().shell.contact_stiffness)
-            )
+            depth += force / base().shell.contact_stiffness
+            depth += float(padding_stroke(base(), side, np.array([force]))[0])
+            tests.append(DropTest(side, speed, force, depth))
     return tests
 
 
@@ -60,7 +61,8 @@ def test_the_confidence_interval_covers_the_truth_under_noise() -> None:
     assert covered >= 0.9 * 160
 
 
-def test_the_shipped_spring_is_what_the_shipped_foam_identifies() -> None:
+def test_drops_of_the_foam_helmet_identify_the_spring_of_its_slow_press() -> None:
+    """Two ways to one law; what a press identifies is shipped, see test_model_identified.py."""
     drops = simulated_drops(overrides={"helmet.coupling": "foam"})
     found = identify([d.test for d in drops], base()).helmet.spring
     for side in ("front", "back", "side", "top"):
@@ -69,8 +71,9 @@ def test_the_shipped_spring_is_what_the_shipped_foam_identifies() -> None:
             ratio = (shipped.A * math.expm1(shipped.B * depth)) / (
                 identified.A * math.expm1(identified.B * depth)
             )
-            assert ratio == pytest.approx(1.0, abs=2e-3), side
-    assert base().spring.energy_loss == pytest.approx(found.energy_loss, abs=2e-3)
+            assert ratio == pytest.approx(1.0, abs=0.065), side  # 5.6 % at most, back at 10 mm
+    # The head's rebound from the padding is part of a drop: 0.927 against 0.949.
+    assert base().spring.energy_loss == pytest.approx(found.energy_loss, abs=0.03)
 
 
 def test_the_identified_spring_reproduces_the_foam_drops() -> None:

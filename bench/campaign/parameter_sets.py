@@ -25,7 +25,7 @@ WRONG = ["helmet.unknown", "x", "impact.", "helmet.", "rider", "rider.x.y", "rid
          "helmet.liner", "helmet.shell", "rider.posture", "impact", "sim", "\x1b[2J", "a" * 300,
          "impact.friction ", "IMPACT.friction", "__class__", "helmet.__init__"]  # fmt: skip
 #: What may be the path of a file.
-PATHS = ("helmet.name", "head.surface", "impact.surface")
+PATHS = ("helmet.name", "head.surface", "head.form", "impact.surface")
 
 
 class ParameterSets(Attack):
@@ -51,6 +51,8 @@ class ParameterSets(Attack):
         for name, value in given.items():
             taken = described.get(name, "(nothing)")
             unset = name == "head.surface" and value == ""  # the rig's own
+            # The helmet's own value counts as none given: its spring then follows its liner.
+            unset |= name.startswith("helmet.spring.") and value == self._good.get(name)
             if not unset and not _same(taken, value):
                 return Outcome("lost", f"{name}: given {value!r:.80}, taken {taken!r:.80}")
         return Outcome("held", f"{sorted(given)}")

@@ -104,6 +104,9 @@ def _with_filtered() -> dict[str, Entry]:
 #: Every criterion of :func:`~helmet_sim_ros.biomech.evaluate`, by name.
 CATALOGUE: Mapping[str, Entry] = _with_filtered()
 
+#: Units that read better in a sentence: unit -> (shown unit, factor).
+SPOKEN: Mapping[str, tuple[str, float]] = {"s": ("ms", 1e3), "m": ("mm", 1e3), "-": ("", 1.0)}
+
 #: What a short table shows.
 HEADLINE: tuple[str, ...] = (
     "peak_g", "hic", "hic15", "hic36", "clip_3ms", "pulse_duration", "peak_angular_velocity",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
-from helmet_sim_ros.biomech.catalogue import CATALOGUE, entry
+from helmet_sim_ros.biomech.catalogue import CATALOGUE, SPOKEN, entry
 from helmet_sim_ros.biomech.measured import MeasuredPulse
 from helmet_sim_ros.biomech.measures import measure
 from helmet_sim_ros.biomech.record import ImpactRecord
@@ -17,8 +17,6 @@ __all__ = ["Criterion", "Evaluation", "evaluate"]
 
 #: What is said of a limit that nobody checked against the standard itself.
 UNVERIFIED = "limit not verified against the primary text"
-#: Units that read better in a sentence: unit -> (shown unit, factor).
-SPOKEN = {"s": ("ms", 1e3), "m": ("mm", 1e3), "-": ("", 1.0)}
 #: How far the speed of an impact may be from the standard's before it is said.
 SPEED_TOLERANCE = 0.02
 

@@ -15,11 +15,11 @@ from helmet_sim_ros.biomech.pulse import (
     real_number,
     same_length,
 )
+from helmet_sim_ros.biomech.record import HORIZONTAL
 
 #: Share of the peak normal force below which no instantaneous force ratio is formed: at first
 #: touch and lift-off both forces vanish and their quotient says nothing.
 CONTACT_LEVEL = 0.05
-HORIZONTAL = np.array([1.0, 1.0, 0.0])
 
 
 class Energy(NamedTuple):
@@ -42,12 +42,19 @@ def ground_components(
     Raises:
         PulseError: wrong shape, or a value that is not finite.
     """
+    return normal_and_tangential(*_parts(ground_force, ground_friction))
+
+
+def _parts(
+    ground_force: ArrayLike, ground_friction: ArrayLike | None
+) -> tuple[FloatArray, FloatArray]:
+    """The force normal to the surface and along it, each (n, 3) [N]; flat ground cannot pull."""
     force = finite_array("ground_force", ground_force, 3)
     if ground_friction is None:
         friction = force * HORIZONTAL
-    else:
-        friction = finite_array("ground_friction", ground_friction, 3)
-    return normal_and_tangential(force - friction, friction)
+        return np.maximum(force - friction, 0.0), friction
+    friction = finite_array("ground_friction", ground_friction, 3)
+    return force - friction, friction
 
 
 def normal_and_tangential(
@@ -101,12 +108,7 @@ def impulse_ratio(ground_force: ArrayLike, ground_friction: ArrayLike | None = N
     Raises:
         PulseError: wrong shape, or a value that is not finite.
     """
-    force = finite_array("ground_force", ground_force, 3)
-    if ground_friction is None:
-        friction = force * HORIZONTAL
-    else:
-        friction = finite_array("ground_friction", ground_friction, 3)
-    return ratio_of_impulses(force - friction, friction)
+    return ratio_of_impulses(*_parts(ground_force, ground_friction))
 
 
 def ratio_of_peaks(normal: FloatArray, tangential: FloatArray) -> float:

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FloatArray = NDArray[np.float64]
+HORIZONTAL = np.array([1.0, 1.0, 0.0])  # what of a force is friction on flat ground
 
 #: Channels every record carries: name -> (component labels, unit).
 CHANNELS: Mapping[str, tuple[tuple[str, ...], str]] = {
@@ -61,7 +62,7 @@ class ImpactRecord:
         ground_force: force of the surface ON the helmet, world axes, (n, 3) [N].
         ground_torque: its moment about the world origin, world axes, (n, 3) [N m].
         ground_friction: the part of ``ground_force`` that acts along the surface where it touches,
-            world axes, (n, 3) [N]; the rest is normal to it.
+            world axes, (n, 3) [N]; the rest is normal to it. Unset: that of flat ground, x and y.
         coupling_force: force of the helmet ON the head, head axes, (n, 3) [N].
         coupling_torque: its moment about the helmet frame's origin, head axes, (n, 3) [N m].
         coupling_displacement: helmet against head, head axes, (n, 3) [m]: a blow on the front
@@ -91,13 +92,13 @@ class ImpactRecord:
     helmet_orientation: FloatArray
     ground_force: FloatArray
     ground_torque: FloatArray
-    ground_friction: FloatArray
     coupling_force: FloatArray
     coupling_torque: FloatArray
     coupling_displacement: FloatArray
     body_ground_force: FloatArray
     neck_force: FloatArray
     neck_torque: FloatArray
+    ground_friction: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
     joint_names: tuple[str, ...] = ()
     joint_positions: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
     joint_velocities: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
@@ -106,6 +107,9 @@ class ImpactRecord:
 
     def __post_init__(self) -> None:
         n = len(self.time)
+        if not len(self.ground_friction) and np.shape(self.ground_force) == (n, 3):
+            # Nothing said: the ground is flat (the only one that logs of 0.1.0 know).
+            object.__setattr__(self, "ground_friction", self.ground_force * HORIZONTAL)
         for name in CHANNELS:
             expected = (n, len(CHANNELS[name][0]))
             if np.shape(getattr(self, name)) != expected:
@@ -208,8 +212,6 @@ def from_block(
         arrays["time"] = block[:, column["time"]]
         for name, (components, _) in CHANNELS.items():
             if name == "ground_friction" and "ground_friction.x" not in column:
-                # Logs of 0.1.0 know flat ground only.
-                arrays[name] = arrays["ground_force"] * np.array([1.0, 1.0, 0.0])
                 continue
             arrays[name] = block[:, [column[f"{name}.{c}"] for c in components]]
         prefix = "joint_position."

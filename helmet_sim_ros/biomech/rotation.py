@@ -108,6 +108,24 @@ def matrices(orientation: FloatArray) -> FloatArray:
     return m.transpose(2, 0, 1)
 
 
+def rotation_vectors(orientation: FloatArray) -> FloatArray:
+    """Rotation vectors, at most pi long, shape (n, 3) [rad], of unit quaternions x, y, z, w,
+    shape (n, 4)."""
+    q = np.where(orientation[:, 3:] < 0.0, -orientation, orientation)
+    sine = np.sqrt((q[:, :3] ** 2).sum(axis=1))
+    small = sine < 1e-12
+    angle = 2.0 * np.arctan2(sine, q[:, 3])
+    factor = np.where(small, 2.0, angle / np.where(small, 1.0, sine))
+    return factor[:, None] * q[:, :3]
+
+
+def quaternions(vectors: FloatArray) -> FloatArray:
+    """Unit quaternions x, y, z, w, shape (n, 4), of rotation vectors, shape (n, 3) [rad]."""
+    angle = np.sqrt((vectors**2).sum(axis=1))
+    half = 0.5 * np.sinc(0.5 * angle / np.pi)  # sin(angle / 2) / angle
+    return np.column_stack([half[:, None] * vectors, np.cos(0.5 * angle)])
+
+
 def bric(
     angular_velocity: ArrayLike, critical: Literal["average", "mps", "csdm"] = "average"
 ) -> float:

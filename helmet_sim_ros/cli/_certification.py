@@ -32,23 +32,30 @@ def report(result: Certification, console: Console) -> None:
     )  # fmt: skip
     limited = {name for row in result.rows for name, c in row.criteria.items() if c.limit}
     shown = [entry for entry in SHOWN if entry[0] in limited or entry[0] in ALWAYS]
-    for header in ("test", "point", "anvil"):
+    again = any(row.hit_number > 1 for row in result.rows)
+    for header in ("point", "anvil"):
         table.add_column(header, no_wrap=True)
-    table.add_column("m/s", justify="right", no_wrap=True)
-    table.add_column("hit", justify="right", no_wrap=True)
+    for header in ("m/s", "hit") if again else ("m/s",):
+        table.add_column(header, justify="right", no_wrap=True)
     for _, header, _, _ in shown:
         table.add_column(Text(header), justify="right", no_wrap=True)
     table.add_column("strain", justify="right", no_wrap=True)
     table.add_column("margin", justify="right", no_wrap=True)
     table.add_column("verdict", no_wrap=True)
+    test = ""
     for row in result.rows:
+        if row.test != test:
+            test = row.test
+            table.add_section()
+            table.add_row(Text(test, style="bold", no_wrap=False))
         cells = [
             format(row.criteria[name].value * factor, style) if name in row.criteria else ""
             for name, _, style, factor in shown
         ]
         margin = "" if row.margin is None else f"{row.margin:.1%}"
         table.add_row(
-            row.test, row.point, row.anvil, f"{row.speed:g}", str(row.hit_number), *cells,
+            row.point, row.anvil, f"{row.speed:g}", *((str(row.hit_number),) if again else ()),
+            *cells,
             "" if row.strain is None else f"{row.strain:.2f}", margin,
             Text(row.verdict, style=VERDICT_STYLE.get(row.verdict, "")),
         )  # fmt: skip

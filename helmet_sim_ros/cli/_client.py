@@ -14,6 +14,14 @@ from helmet_sim_ros.errors import NodeError
 TICK = 0.1
 
 
+def no_ros(error: ImportError) -> NodeError:
+    """What to say where no ROS 2 Python client is installed."""
+    return NodeError(
+        f"ROS 2 is not importable ({error}); source a ROS 2 workspace, or install the wheels: "
+        "pip install 'helmet_sim_ros[ros]'"
+    )
+
+
 @contextmanager
 def ros_client() -> Iterator[Any]:
     """A node for calls and subscriptions; it is gone when the block ends.
@@ -25,11 +33,10 @@ def ros_client() -> Iterator[Any]:
         import rclpy
         from rclpy.signals import SignalHandlerOptions
     except ImportError as error:
-        raise NodeError(
-            f"ROS 2 is not importable ({error}); source a ROS 2 workspace, or install the wheels: "
-            "pip install 'helmet_sim_ros[ros]'"
-        ) from error
-    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        raise no_ros(error) from error
+    shared = rclpy.ok()  # with nodes in this process
+    if not shared:
+        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     try:
         node = rclpy.create_node(f"helmet_sim_cli_{os.getpid()}")
         try:
@@ -37,7 +44,8 @@ def ros_client() -> Iterator[Any]:
         finally:
             node.destroy_node()
     finally:
-        rclpy.try_shutdown()
+        if not shared:
+            rclpy.try_shutdown()
 
 
 def wait_for_service(

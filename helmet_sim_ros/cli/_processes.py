@@ -1,4 +1,4 @@
-"""The four nodes as child processes that never outlive the command that started them."""
+"""The four nodes, in processes of their own or in this one; they never outlive the command."""
 
 from __future__ import annotations
 
@@ -15,10 +15,11 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory, gettempdir
 from types import FrameType, TracebackType
-from typing import Any
+from typing import Any, Protocol
 
 import yaml
 
+from helmet_sim_ros.cli._client import no_ros
 from helmet_sim_ros.errors import NodeError
 
 NODES = ("simulation", "evaluator", "recorder", "scenario")
@@ -43,6 +44,50 @@ def termination_as_interrupt() -> Iterator[None]:
             signal.signal(kind, handler)
 
 
+class Nodes(Protocol):
+    """The nodes while a command runs, wherever they are."""
+
+    exit_code: int
+
+    def __enter__(self) -> Nodes: ...
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None: ...
+
+    def check(self) -> None:
+        """Raise a :class:`NodeError` if a node has ended."""
+
+
+def start_nodes(
+    one_process: bool,
+    parameters: Mapping[str, Mapping[str, Any]],
+    remaps: Mapping[str, Mapping[str, str]] | None = None,
+    quiet: bool = True,
+) -> Nodes:
+    """The nodes, to be entered: as threads of this process, or as four processes.
+
+    Args:
+        one_process: in this process.
+        parameters, remaps, quiet: see :class:`NodeProcesses`.
+
+    Raises:
+        NodeError: no ROS 2 Python client is installed.
+    """
+    if not one_process:
+        return NodeProcesses(parameters, remaps, quiet)
+    try:
+        from helmet_sim_ros.nodes.one_process import OneProcess
+    except ImportError as error:
+        if (error.name or "").startswith("helmet_sim_ros"):
+            raise
+        raise no_ros(error) from error
+    return OneProcess(parameters, remaps, quiet)
+
+
 class NodeProcesses:
     """Starts the nodes on entry and stops them, whatever happened, on exit.
 
@@ -50,7 +95,12 @@ class NodeProcesses:
         parameters: node name -> parameter name -> value.
         remaps: node name -> name in the node -> name outside.
         quiet: write what the nodes say to a file that errors quote, not to the terminal.
+
+    Attributes:
+        exit_code: of this process; not needed here, where no middleware runs in it.
     """
+
+    exit_code = 1
 
     def __init__(
         self,

@@ -17,13 +17,13 @@ from helmet_sim_ros.cli._logs import DIFFERENT, FINE, for_each_log, logs_argumen
 from helmet_sim_ros.cli._table import SHORT as COLUMNS
 from helmet_sim_ros.cli._table import VERDICT_STYLE, criteria_table
 from helmet_sim_ros.mcap_log import ImpactLog
+from helmet_sim_ros.present.words import value_text
 from helmet_sim_ros.report.review.check import Reviewed, review
 from helmet_sim_ros.report.review.summary import (
     FOLLOWING,
     LEADING,
     SHORT,
     common,
-    shown,
     varying,
 )
 
@@ -88,7 +88,7 @@ def _show_log(
     setups = [row.impact.setup for row in rows]
     values = common(setups)
     names = list(values) if full_setup else [name for name in SHORT if name in values]
-    say("  setup: " + ", ".join(f"{name} = {shown(values[name])}" for name in names))
+    say("  setup: " + ", ".join(f"{name} = {value_text(values[name])}" for name in names))
     if any(models := _models(rows)):
         say("  model: " + ", ".join(f"{k} {v}".strip() for v, k in models.items()))
     console.print(_table(rows))
@@ -124,7 +124,7 @@ def _table(rows: list[Reviewed]) -> Table:
         ]
         table.add_row(
             str(number), *([models[impact.model_hash]] if len(models) > 1 else []),
-            *(shown(impact.setup.get(name)) for name in (*leading_names, *more)),
+            *(value_text(impact.setup.get(name)) for name in (*leading_names, *more)),
             *values,
             Text(row.evaluation.verdict, style=VERDICT_STYLE.get(row.evaluation.verdict, "")),
             Text(row.check, style="bold red" if row.differences else ""),

@@ -18,7 +18,8 @@ from helmet_sim_ros.cli._client import call, ros_client, wait_for_service
 from helmet_sim_ros.cli._options import domain_option
 from helmet_sim_ros.cli._processes import (
     NODES,
-    NodeProcesses,
+    Nodes,
+    start_nodes,
     termination_as_interrupt,
 )
 from helmet_sim_ros.errors import LogError, NodeError
@@ -45,6 +46,8 @@ START_TIMEOUT = 180.0
 @click.option("--standard", help="Judge by config/standards/NAME.yaml or a path.  [default: "
               "ECE R22.05]")  # fmt: skip
 @click.option("--all-criteria", is_flag=True, help="Show every criterion of every case.")
+@click.option("--one-process/--four-processes", default=True, show_default=True,
+              help="All nodes in this process, or each in a process of its own.")  # fmt: skip
 @domain_option
 def command(
     scenario: str,
@@ -52,6 +55,7 @@ def command(
     overrides: tuple[str, ...],
     standard: str | None,
     all_criteria: bool,
+    one_process: bool,
     domain_id: int | None,
 ) -> None:
     """Run every case of SCENARIO, a name in config/scenarios or a path to a YAML file.
@@ -89,17 +93,16 @@ def command(
     # A name of our own: the answer must not come from a scenario node that somebody else started.
     run = f"scenario/run_{os.getpid()}"
     remaps = {"scenario": {"~/run": run}}
-    with termination_as_interrupt(), NodeProcesses(parameters, remaps) as nodes:
+    with termination_as_interrupt(), start_nodes(one_process, parameters, remaps) as nodes:
         result = run_scenario(nodes, run, len(plan.cases), console)
         check_asked(result, plan.cases)
         report(result, console, all_criteria, time.monotonic() - began)
+        nodes.exit_code = 0 if result["complete"] else 1
     if not result["complete"]:
         raise SystemExit(1)
 
 
-def run_scenario(
-    nodes: NodeProcesses, service: str, cases: int, console: Console
-) -> dict[str, Any]:
+def run_scenario(nodes: Nodes, service: str, cases: int, console: Console) -> dict[str, Any]:
     """Trigger the scenario node by its service and follow it; its result as plain data.
 
     Raises:

@@ -12,7 +12,7 @@ from helmet_sim_ros.cli._client import TICK
 from helmet_sim_ros.cli._options import domain_option
 from helmet_sim_ros.cli._processes import (
     NODES,
-    NodeProcesses,
+    start_nodes,
     termination_as_interrupt,
 )
 from helmet_sim_ros.nodes.environment import prepare_environment
@@ -25,8 +25,10 @@ from helmet_sim_ros.nodes.environment import prepare_environment
               type=click.Path(exists=True, resolve_path=True),
               help="A file or folder of helmets, scenarios and standards that clients may name, "
               "beside those shipped.")  # fmt: skip
+@click.option("--one-process", is_flag=True, help="All nodes in this process; "
+              "one that crashes takes the others with it.")  # fmt: skip
 @domain_option
-def command(output: Path, paths: tuple[str, ...], domain_id: int | None) -> None:
+def command(output: Path, paths: tuple[str, ...], one_process: bool, domain_id: int | None) -> None:
     """Start simulation, evaluator, recorder and scenario node; Ctrl-C ends them all."""
     from helmet_sim_ros.cli.run import check_writable
 
@@ -37,8 +39,9 @@ def command(output: Path, paths: tuple[str, ...], domain_id: int | None) -> None
     }
     parameters["recorder"]["output_dir"] = str(output.resolve())
     try:
-        with termination_as_interrupt(), NodeProcesses(parameters, quiet=False) as nodes:
+        with termination_as_interrupt(), start_nodes(one_process, parameters, quiet=False) as nodes:
             click.echo(f"nodes: {', '.join('/' + name for name in NODES)}; Ctrl-C ends them")
+            nodes.exit_code = 0
             while True:
                 nodes.check()
                 time.sleep(TICK)

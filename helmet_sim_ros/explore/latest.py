@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 from collections.abc import Callable, Hashable
 from typing import Generic, TypeVar
@@ -83,4 +84,7 @@ class LatestWins(Generic[Key, Request, Answer]):
                 answer = self._compute(request, check)
             except Stale:
                 continue
-            self._deliver(key, answer)
+            try:
+                self._deliver(key, answer)
+            except Exception:  # the next answer must still be delivered
+                logging.getLogger(__name__).exception("an answer could not be shown")

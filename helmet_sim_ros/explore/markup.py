@@ -7,13 +7,12 @@ from html import escape
 from typing import Any
 
 from helmet_sim_ros.biomech.catalogue import CATALOGUE, HEADLINE, entry
-from helmet_sim_ros.biomech.evaluation import SPOKEN
-from helmet_sim_ros.biomech.result import Criterion, Evaluation
+from helmet_sim_ros.biomech.result import Evaluation
 from helmet_sim_ros.errors import PulseError
 from helmet_sim_ros.explore.colors import SIDE_COLORS, css
 from helmet_sim_ros.explore.session import Session, Shown, Side
-from helmet_sim_ros.present.words import unit_text
-from helmet_sim_ros.report.review.summary import label, shown
+from helmet_sim_ros.present.words import number_text, spoken_unit, value_text
+from helmet_sim_ros.report.review.summary import label
 
 #: What the cards show.
 CARDS = ("peak_g", "hic", "bric", "peak_angular_acceleration", "force_ratio", "peak_compression")
@@ -98,8 +97,8 @@ def criteria(impacts: Mapping[Side, Shown], differences: Sequence[tuple[str, Any
     parts = [STYLE, '<div class="hs">']
     if differences:
         rows = "".join(
-            f"<tr><td><code>{escape(name)}</code></td><td>{escape(shown(a))}</td>"
-            f"<td>{escape(shown(b))}</td></tr>"
+            f"<tr><td><code>{escape(name)}</code></td><td>{escape(value_text(a))}</td>"
+            f"<td>{escape(value_text(b))}</td></tr>"
             for name, a, b in differences
         )
         parts.append(f"<table><tr><th>B differs in</th><th>A</th><th>B</th></tr>{rows}</table><br>")
@@ -168,16 +167,15 @@ def _cards(impacts: Mapping[Side, Shown]) -> str:
             continue
         first = next(iter(found.values()))
         failed = any(c.verdict == "fail" for c in found.values())
-        unit, _ = SPOKEN.get(first.unit, (first.unit, 1.0))
         values = "".join(
             f'<b style="color:{css(SIDE_COLORS[side])}" data-criterion="{name}" '
-            f'data-side="{side}" data-value="{c.value!r}">{_number(c)}</b> '
+            f'data-side="{side}" data-value="{c.value!r}">{number_text(c.value, c.unit)}</b> '
             for side, c in found.items()
         )
-        limit = "" if first.limit is None else f", limit {_scaled(first.limit, first.unit)}"
+        limit = "" if first.limit is None else f", limit {number_text(first.limit, first.unit)}"
         cards.append(
             f'<div class="hs-card{" fail" * failed}"><small>{_SHORT[name]}{limit}</small>'
-            f'{values}<span class="hs-dim">{escape(_unit(unit))}</span></div>'
+            f'{values}<span class="hs-dim">{escape(spoken_unit(first.unit))}</span></div>'
         )
     two = " two" * (len(evaluations) > 1)
     return f'<div class="hs-cards{two}">{"".join(cards)}</div>'
@@ -198,16 +196,16 @@ def _row(name: str, evaluations: Mapping[Side, Evaluation]) -> str:
             continue
         values.append(criterion.value)
         kind = criterion.verdict if criterion.limit is not None else ""
-        cells.append(f'<td class="{kind}">{_number(criterion)}</td>')
-        unit = SPOKEN.get(criterion.unit, (criterion.unit, 1.0))[0]
+        cells.append(f'<td class="{kind}">{number_text(criterion.value, criterion.unit)}</td>')
+        unit = spoken_unit(criterion.unit)
         if criterion.limit is not None:
-            limit = _scaled(criterion.limit, criterion.unit)
+            limit = number_text(criterion.limit, criterion.unit)
     if len(evaluations) > 1:
         cells.append(f"<td>{_difference(values)}</td>")
     title = escape(_meaning(name))
     return (
         f'<tr data-row="{escape(name)}"><td title="{escape(name)}">{title}</td>{"".join(cells)}'
-        f"<td>{limit}</td><td>{escape(_unit(unit))}</td></tr>"
+        f"<td>{limit}</td><td>{escape(unit)}</td></tr>"
     )
 
 
@@ -217,19 +215,6 @@ def _difference(values: Sequence[float]) -> str:
     a, b = values
     scale = max(abs(a), abs(b))
     return f"{100.0 * (b - a) / abs(a):+.1f} %" if scale > 0.0 and a != 0.0 else "0"
-
-
-def _number(criterion: Criterion) -> str:
-    return _scaled(criterion.value, criterion.unit)
-
-
-def _scaled(value: float, unit: str) -> str:
-    value *= SPOKEN.get(unit, (unit, 1.0))[1]
-    return f"{value:.0f}" if abs(value) >= 1000.0 else f"{value:.4g}"
-
-
-def _unit(unit: str) -> str:
-    return unit_text(unit) if unit != "-" else ""
 
 
 def _limit(evaluation: Evaluation, name: str) -> float | None:

@@ -6,7 +6,6 @@ Nothing here knows a browser: the page calls the methods and is told by ``change
 from __future__ import annotations
 
 import hashlib
-import json
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -18,7 +17,8 @@ from helmet_sim_ros.biomech.result import Evaluation
 from helmet_sim_ros.biomech.standards import DEFAULT_STANDARD, load_standard
 from helmet_sim_ros.errors import HelmetSimError, SetupError
 from helmet_sim_ros.explore.controls import HELMET, control, controls, values_of
-from helmet_sim_ros.explore.latest import LatestWins
+from helmet_sim_ros.explore.latest import LatestWins, Stale
+from helmet_sim_ros.mcap_log.digest import setup_digest
 from helmet_sim_ros.model.setup import ImpactSetup, setup_from_names
 
 Side = Literal["A", "B"]
@@ -29,13 +29,15 @@ _SLICE = 400
 
 
 def digest(described: Mapping[str, Any]) -> str:
-    """A short name of a complete setup: equal setups, and only they, have the same one.
+    """A short name of a complete setup, the first digits of the digest in logs and answers.
 
     Args:
         described: ``setup.described()``, or the ``setup`` of a record.
     """
-    text = json.dumps(dict(described), sort_keys=True, default=list)
-    return hashlib.sha256(text.encode()).hexdigest()[:8]
+    try:
+        return setup_digest(dict(described))[:8]
+    except (TypeError, ValueError):  # a log of somebody else's, with NaN in its setup
+        return hashlib.sha256(repr(sorted(described.items())).encode()).hexdigest()[:8]
 
 
 @dataclass(frozen=True)
@@ -159,15 +161,15 @@ class Session:
                 changes = dict(slot.changes) | {name: value}
                 if name == HELMET:  # another helmet comes with all its own values
                     changes = {k: v for k, v in changes.items() if k == name or not _helmet(k)}
-                new = slot_of(changes)
+                new, dropped = _fitting(changes, name)
             except HelmetSimError as error:
                 self._refuse(name, str(error))
                 return False
             # A browser sets a number that was typed beyond a limit to this limit when the field
             # is left: what was refused must still be read then.
             at_limit = changed.leaf.minimum == value or changed.leaf.maximum == value
-            if not (at_limit and name == self._refused_key):
-                self._refuse("", "")
+            if dropped or not (at_limit and name == self._refused_key):
+                self._refuse("", dropped)
             if new.digest != slot.digest or side in self._logged:
                 self._slots[side] = new
                 self._logged.pop(side, None)
@@ -273,6 +275,25 @@ def slot_of(changes: Mapping[str, Any]) -> Slot:
     return Slot(kept, setup_from_names(kept))
 
 
+def _fitting(changes: Mapping[str, Any], turned: str) -> tuple[Slot, str]:
+    """A slot, if need be without earlier changes that do not go with the value turned last.
+
+    Returns:
+        The slot, and what was set back, in words.
+
+    Raises:
+        SetupError: the value turned last is refused itself.
+    """
+    try:
+        return slot_of(changes), ""
+    except SetupError as error:
+        others = {problem.key for problem in error.problems}
+        if turned in others or not others <= set(changes):
+            raise
+        kept = {name: value for name, value in changes.items() if name not in others}
+        return slot_of(kept), f"set back, because refused now: {error}"
+
+
 def logged_slot(described: Mapping[str, Any]) -> Slot:
     """The slot behind a recorded setup, also where its helmet's file is not on this machine.
 
@@ -290,7 +311,7 @@ def logged_slot(described: Mapping[str, Any]) -> Slot:
     except SetupError:
         # A log carries every value of its helmet, so any helmet can stand in for the file.
         changes.pop(HELMET, None)
-        return slot_of(changes)
+        return _fitting(changes, "")[0]
 
 
 def _computed(wanted: _Wanted, check: Callable[[], None]) -> Shown:
@@ -307,6 +328,10 @@ def _computed(wanted: _Wanted, check: Callable[[], None]) -> Shown:
                               else wanted.standard)  # fmt: skip
     except HelmetSimError as refused:
         error = str(refused)
+    except Stale:
+        raise
+    except Exception as mistake:  # the page goes on with the next setup
+        error = f"unexpected {type(mistake).__name__}: {mistake}"
     described = record.setup if record is not None else {}
     if record is None and wanted.setup is not None:
         described = wanted.setup.described()

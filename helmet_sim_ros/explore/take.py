@@ -140,7 +140,7 @@ class LogPanel:
 
     def _refuse(self, text: str) -> None:
         self._session.say(text)
-        self._about.content = markup.STYLE + markup.problem(text)
+        self._about.content = ""
         self._told()
 
 

@@ -127,7 +127,6 @@ def _plan(stream: IO[bytes], path: Path) -> _Plan:
     plan, known, sound = _Plan(), _Definitions(path), Salvage(stream)
     decoder = Decoder(known)
     assemblers: dict[int, Assembler] = {}
-    verdicts = 0
     for number, record in enumerate(sound):
         if isinstance(record, Schema):
             known.schemas[record.id] = record
@@ -154,21 +153,20 @@ def _plan(stream: IO[bytes], path: Path) -> _Plan:
                     plan.last = number
         elif isinstance(record, Message) and record.channel_id in plan.criteria:
             plan.judged.add(_judged(decoder, record))
-            verdicts += 1
     for assembler in assemblers.values():
         plan.lost += [done.problem for done in assembler.abandon("the log ends")]
     # One that was killed before it had its final name is complete, and yet no finished log.
     if not sound.problems and not path.name.endswith(PART):
         McapSource(path)  # whatever else is wrong with it is told
         raise LogError(f"{path}: is finished and sound, there is nothing to recover")
-    plan.lost += _missing(plan, sound, verdicts) + sound.problems
+    plan.lost += _missing(plan, sound) + sound.problems
     if not plan.complete:
         what = "; ".join(plan.lost) or "no samples were written"
         raise LogError(f"{path}: nothing to recover, no impact in it is complete ({what})")
     return plan
 
 
-def _missing(plan: _Plan, sound: Salvage, verdicts: int) -> list[str]:
+def _missing(plan: _Plan, sound: Salvage) -> list[str]:
     """What is not there, by what the sound records and the index tell of."""
     lost = [
         f"impact {impact_id}: its samples are damaged"
@@ -189,7 +187,7 @@ def _missing(plan: _Plan, sound: Salvage, verdicts: int) -> list[str]:
         lost += [f"attachment {name}" for name in names if name not in plan.attached]
         counts = sound.summary.statistics
         logged = counts and sum(counts.channel_message_counts.get(c, 0) for c in plan.criteria)
-        if logged == verdicts:
+        if logged == len(plan.judged):  # of as many impacts as there ever were criteria
             return lost
     silent = [
         impact_id

@@ -59,7 +59,8 @@ def point_of_attack(record: ImpactRecord, index: int) -> FloatArray:
     """The point where the surface's force acts, world axes, shape (3,) [m].
 
     Where its line of action meets the plane through the world's origin, at which the helmet
-    touches first, normal to the contact: with force F, moment M about the origin and normal n, n x M / (n . F).
+    touches first, normal to the contact: with force F, moment M about the origin and normal n,
+    n x M / (n . F).
     Without contact, the point of the ground below the helmet.
     """
     force, moment = record.ground_force[index], record.ground_torque[index]

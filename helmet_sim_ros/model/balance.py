@@ -8,7 +8,8 @@ import mujoco
 import numpy as np
 
 from helmet_sim_ros.biomech.record import FloatArray
-from helmet_sim_ros.model.force.bodies import motion_of
+from helmet_sim_ros.model.force import fit
+from helmet_sim_ros.model.force.bodies import motion_of, no_loads
 from helmet_sim_ros.model.force.contact import elastic_energy
 from helmet_sim_ros.model.force.friction import TANGENTIAL_SHARE
 from helmet_sim_ros.model.force.neck import stored_energy
@@ -27,6 +28,8 @@ class Balance:
         potential: gravity, joint springs and neck [J], (n,).
         coupling: what the coupling spring would still give back [J], (n,); 0 for a foam liner,
             whose small elastic share is not counted.
+        fit: what padding, chin strap and their friction hold [J], (n,); see
+            :func:`helmet_sim_ros.model.force.fit.held_energy`.
         contact: elastic energy of the ground contacts [J], (n,); of the friction's stick
             deflection only the helmet's, from its force.
     """
@@ -36,6 +39,7 @@ class Balance:
     kinetic: FloatArray
     potential: FloatArray
     coupling: FloatArray
+    fit: FloatArray
     contact: FloatArray
 
     @property
@@ -48,7 +52,7 @@ class Balance:
     @property
     def mechanical(self) -> FloatArray:
         """Kinetic, potential and every recoverable energy [J], (n,)."""
-        return self.kinetic + self.potential + self.coupling + self.contact
+        return self.kinetic + self.potential + self.coupling + self.fit + self.contact
 
     @property
     def energy_growth(self) -> float:
@@ -63,9 +67,11 @@ def balance(impact: Impact) -> Balance:
     model, record = impact.model, impact.record()
     data = mujoco.MjData(model)
     n = len(record)
-    momentum, kinetic, potential, contact = np.zeros((n, 3)), np.zeros(n), np.zeros(n), np.zeros(n)
+    momentum, kinetic, potential = np.zeros((n, 3)), np.zeros(n), np.zeros(n)
+    contact, held = np.zeros(n), np.zeros(n)
     mass = float(model.body_subtreemass[1])
     motion, touching = motion_of(data), impact.contact.fresh(len(impact.surface.kind))
+    fitted, loads = impact.fresh_fit(), no_loads(model)
     for i, (position, velocity) in enumerate(impact.states()):
         data.qpos[:], data.qvel[:] = position, velocity
         mujoco.mj_fwdPosition(model, data)
@@ -76,14 +82,18 @@ def balance(impact: Impact) -> Balance:
         momentum[i] = mass * data.subtree_linvel[1]
         potential[i], kinetic[i] = data.energy
         contact[i] = elastic_energy(touching, impact.surface, motion)
+        fit.apply(fitted, record.time_step, motion, loads)  # carries the padding's state on
+        held[i] = fit.held_energy(fitted, position)
     potential += stored_energy(impact.neck, np.array([q for q, _ in impact.states()]))
     force = record.ground_force + record.body_ground_force + mass * model.opt.gravity
     steps = 0.5 * (force[1:] + force[:-1]) * record.time_step
     impulse = np.vstack([np.zeros(3), np.cumsum(steps, axis=0)])
-    helmet = impact.setup.helmet_config
+    helmet, slide = impact.helmet, impact.layout.slide
     stored = np.zeros(n)
     if helmet.coupling == "spring":
-        stored = recoverable_energy(record.coupling_displacement, helmet.spring)
+        stored = recoverable_energy(
+            np.array([q[slide : slide + 3] for q, _ in impact.states()]), helmet.spring
+        )
         friction = np.linalg.norm(record.ground_friction, axis=1)
         contact += 0.5 * friction**2 / (TANGENTIAL_SHARE * helmet.shell.contact_stiffness)
-    return Balance(momentum, impulse, kinetic, potential, stored, contact)
+    return Balance(momentum, impulse, kinetic, potential, stored, held, contact)

@@ -14,9 +14,13 @@ import time
 from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, Literal, TypeVar
 
 import numba
+import numba.core.config
+
+#: Numba's settings; its stubs do not know them.
+config: Any = numba.core.config
 
 F = TypeVar("F", bound=Callable[..., object])
 
@@ -31,17 +35,18 @@ def compiled(function: F) -> F:
 
 def inlined(function: F) -> F:
     """Decorator: as :func:`compiled`, written into the functions that call it. For small functions
-    of the innermost loops that take or return many numbers, where a call costs more than they do."""
+    of the innermost loops that take or return many numbers: a call costs more than they do."""
     return _compiled(function, "always")
 
 
-def _compiled(function: F, inline: str) -> F:
-    before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(cache_folder())
+def _compiled(function: F, inline: Literal["never", "always"]) -> F:
+    before = config.CACHE_DIR
+    config.CACHE_DIR = str(cache_folder())
     try:
-        return numba.njit(cache=True, nogil=True, inline=inline)(function)  # type: ignore[no-any-return]
+        decorate: Any = numba.njit(cache=True, nogil=True, inline=inline)
+        return decorate(function)  # type: ignore[no-any-return]
     finally:
-        numba.config.CACHE_DIR = before
+        config.CACHE_DIR = before
 
 
 def source_digest(folder: Path = SOURCES) -> str:
@@ -67,8 +72,8 @@ def cache_folder() -> Path:
 
 
 def _writable_root() -> Path:
-    if numba.config.CACHE_DIR:
-        return Path(numba.config.CACHE_DIR) / "helmet_sim_ros"
+    if config.CACHE_DIR:
+        return Path(config.CACHE_DIR) / "helmet_sim_ros"
     own = SOURCES / "__pycache__" / "machine_code"
     try:
         own.mkdir(parents=True, exist_ok=True)

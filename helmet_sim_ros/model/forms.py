@@ -1,4 +1,4 @@
-"""A helmet with values changed: what its form ignores is refused, and a spring follows its liner."""
+"""A helmet with values changed: refused where its form ignores them; a spring follows its liner."""
 
 from __future__ import annotations
 

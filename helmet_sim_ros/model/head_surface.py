@@ -1,4 +1,4 @@
-"""The surface of a head in its helmet: skin or headform skin; read from ``config/head_surfaces``."""
+"""The surface of a head in its helmet, of skin or metal; read from ``config/head_surfaces``."""
 
 from __future__ import annotations
 

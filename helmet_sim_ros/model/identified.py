@@ -12,7 +12,6 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from scipy.integrate import cumulative_trapezoid, trapezoid
 
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.model.force.columns import columns, liner_rows
@@ -86,7 +85,7 @@ def _peaks(helmet: Helmet, side: str, axis: FloatArray) -> tuple[FloatArray, Flo
     largest, rest = np.zeros(n), np.full(n, -1.0)
     depth = np.linspace(0.0, bottoming_strain(foam) * thickness, STEPS)
     force = np.array([press(table, axis, d, largest, rest) for d in depth])
-    energy = cumulative_trapezoid(force, depth, initial=0.0)
+    energy = _work(force, depth)
     mass = HEAD_MASS + helmet.mass
     most = min(energy[-1], 0.5 * mass * FASTEST**2)
     turns = [int(np.searchsorted(energy, most * share**2)) for share in SPEEDS]
@@ -103,4 +102,10 @@ def _loss(helmet: Helmet, axis: FloatArray, depth: FloatArray) -> float:
     # Unloading is over within a small share of the depth, so it has to be resolved there.
     back = depth[-1] * (1.0 - np.linspace(0.0, 1.0, STEPS) ** 2)
     unloaded = np.array([press(table, axis, d, largest, rest) for d in back])
-    return float(1.0 + trapezoid(unloaded, back) / trapezoid(loaded, depth))
+    return float(1.0 + _work(unloaded, back)[-1] / _work(loaded, depth)[-1])
+
+
+def _work(force: FloatArray, depth: FloatArray) -> FloatArray:
+    """Work up to each depth [J], (n,): the trapezoidal rule."""
+    steps = 0.5 * (force[1:] + force[:-1]) * np.diff(depth)
+    return np.concatenate([[0.0], np.cumsum(steps)])

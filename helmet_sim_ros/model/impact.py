@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 from typing import Any
 
@@ -27,12 +27,13 @@ from helmet_sim_ros.model.force.bodies import (
     motion_of,
     no_loads,
 )
-from helmet_sim_ros.model.force.fit import fit
-from helmet_sim_ros.model.force.foam import LIMIT, LINEAR_FROM, residual_strains
-from helmet_sim_ros.model.force.liner import CrushingLiner, crushing_liner
+from helmet_sim_ros.model.force.fit import Fit, fit
+from helmet_sim_ros.model.force.foam import residual_strains
+from helmet_sim_ros.model.force.liner import crushing_liner
 from helmet_sim_ros.model.force.shell import plate
 from helmet_sim_ros.model.force.spring import coupling_spring
 from helmet_sim_ros.model.helmet import Helmet
+from helmet_sim_ros.model.layout import Layout
 from helmet_sim_ros.model.loop import Clock, Engine, Forces, Rows, advance
 from helmet_sim_ros.model.rider.neck import overload
 from helmet_sim_ros.model.setup import ImpactSetup
@@ -103,7 +104,7 @@ class Impact:
             world.contact,
             liner,
             plate(helmet, liner),
-            fit(helmet, setup.head_surface, layout.fit, layout.fit_velocity),
+            self.fresh_fit(),
         )
         self._engine = Engine(
             parts.model._address, data._address, data.qacc_smooth, data.qacc, data.xfrc_applied,
@@ -139,15 +140,25 @@ class Impact:
             raise DivergedError(self._done * self.setup.time_step, self.setup.described())
         return self._done
 
+    @property
+    def layout(self) -> Layout:
+        """Where named quantities stand in the model's vectors."""
+        return self._layout
+
+    def fresh_fit(self) -> Fit:
+        """How the head sits in the helmet at the first touch."""
+        layout = self._layout
+        return fit(self.helmet, self.setup.head_surface, layout.fit, layout.fit_velocity)
+
     def block(self, first: int, last: int) -> FloatArray:
         """Finished samples ``first`` to ``last`` (exclusive), shape (last - first, len(labels))."""
         if not 0 <= first <= last <= self._done:
             raise IndexError(f"samples {first} to {last} of {self._done} finished")
-        return to_block(self._slice(first, last))
+        return to_block(self._slice(first, last, {}))
 
     def record(self) -> ImpactRecord:
         """All finished samples."""
-        return self._slice(0, self._done)
+        return self._slice(0, self._done, self.extras())
 
     @property
     def model(self) -> mujoco.MjModel:
@@ -162,7 +173,7 @@ class Impact:
         """The model as MJCF text, for provenance and replay in other tools."""
         return str(self._spec.to_xml())
 
-    def _slice(self, first: int, last: int) -> ImpactRecord:
+    def _slice(self, first: int, last: int, extras: Mapping[str, Any]) -> ImpactRecord:
         rows = Rows(*(array[first:last] for array in self._rows))
         q, v, sensors, helmet_load = rows.qpos, rows.qvel, rows.sensors, rows.surface[:, HELMET]
         layout, rider = self._layout, self.setup.rig == "rider"
@@ -205,7 +216,7 @@ class Impact:
             joint_positions=layout.positions(q),
             joint_velocities=v.take(layout.qvel, axis=1),
             setup=MappingProxyType(self.setup.described()),
-            extras=MappingProxyType(self.extras()),
+            extras=MappingProxyType(extras),
         )
 
     def extras(self) -> dict[str, Any]:
@@ -217,7 +228,6 @@ class Impact:
         liner = self._forces.liner
         if len(liner.largest):
             strains = residual_strains(liner.largest, liner.columns.foam)
-            extras["notes"] += bottomed_out(liner)
             extras |= {
                 "crush": liner.largest.copy(),
                 "residual_crush": strains * liner.columns.thickness,
@@ -231,21 +241,6 @@ class Impact:
                 "column_thickness": columns.thickness.copy(),
             }
         return extras
-
-
-def bottomed_out(liner: CrushingLiner) -> list[str]:
-    """Where columns were crushed beyond what their foam has, in words; empty: nowhere."""
-    most = LINEAR_FROM * liner.columns.foam[:, LIMIT]
-    beyond = int(np.argmax(liner.largest - most))
-    if liner.largest[beyond] <= most[beyond]:
-        return []
-    share = float(liner.columns.area[liner.largest > most].sum())
-    x, y, z = liner.columns.point[beyond] * 1e3
-    return [
-        f"the liner bottomed out over {share * 1e4:.1f} cm^2: strain {liner.largest[beyond]:.2f} "
-        f"at ({x:.0f}, {y:.0f}, {z:.0f}) mm in the helmet, where its foam is solid from "
-        f"{most[beyond]:.2f} on"
-    ]
 
 
 def _part(loads: FloatArray, start: int) -> FloatArray:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from helmet_sim_ros.biomech.record import FloatArray
+from helmet_sim_ros.biomech.rotation import quaternions, rotation_vectors
 
 
 class Layout:
@@ -59,8 +59,8 @@ class Layout:
         """Joint positions [rad, or m for a sliding joint] of sampled rows of qpos, (n, m)."""
         found = qpos.take(self._qpos, axis=1)
         for column, first in self._balls:
-            quaternions = qpos[:, [first + 1, first + 2, first + 3, first]]
-            found[:, column : column + 3] = Rotation.from_quat(quaternions).as_rotvec()
+            turns = qpos[:, [first + 1, first + 2, first + 3, first]]
+            found[:, column : column + 3] = rotation_vectors(turns)
         return found
 
     def pose(self, qpos: FloatArray, joints: tuple[str, ...], positions: FloatArray) -> None:
@@ -76,8 +76,8 @@ class Layout:
         for i, first in enumerate(self._qpos):
             qpos[first] = values[i]
         for column, first in self._balls:
-            turn = Rotation.from_rotvec(values[column : column + 3])
-            qpos[first : first + 4] = turn.as_quat()[[3, 0, 1, 2]]
+            turn = quaternions(values[None, column : column + 3])[0]
+            qpos[first : first + 4] = turn[[3, 0, 1, 2]]
 
     def read(self, sensors: FloatArray, name: str) -> FloatArray:
         """One sensor's columns of sampled rows."""

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import logging
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import llvmlite.binding
 import mujoco
@@ -50,7 +50,7 @@ def _link_mujoco() -> None:
 _link_mujoco()
 
 
-def _mujoco_function(name: str) -> types.ExternalFunction:
+def _mujoco_function(name: str) -> Any:
     """A C function of model and data."""
     return types.ExternalFunction(name, types.void(types.intp, types.intp))
 
@@ -63,7 +63,7 @@ _rne_post = _mujoco_function("mj_rnePostConstraint")
 _sensor_pos, _sensor_vel = _mujoco_function("mj_sensorPos"), _mujoco_function("mj_sensorVel")
 _sensor_acc = _mujoco_function("mj_sensorAcc")
 _energy_vel = _mujoco_function("mj_energyVel")
-_integrate_pos = types.ExternalFunction(
+_integrate_pos: Any = types.ExternalFunction(
     "mj_integratePos", types.void(types.intp, types.intp, types.intp, types.double)
 )
 

@@ -224,7 +224,7 @@ def _setup_keys() -> dict[str, str]:
 
 
 def _apply_overrides(data: dict[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:
-    """Fold ``rider.*``, ``head.*``, ``impact.*`` and ``sim.*`` into the fields; ``helmet.*`` stays."""
+    """Fold ``rider.*``, ``head.*``, ``impact.*``, ``sim.*`` into the fields; ``helmet.*`` stays."""
     kept: dict[str, Any] = {}
     changes: dict[str, dict[str, Any]] = {name: {} for name in GROUPS}
     for key, value in overrides.items():

@@ -1,4 +1,4 @@
-"""No result that cannot be: the bound on energy while stepping, and strokes beyond what there is."""
+"""No result that cannot be: a bound on the energy while stepping, strokes beyond what there is."""
 
 from __future__ import annotations
 
@@ -43,8 +43,8 @@ def overloaded(
             return ()
         x, y, z = forces.liner.columns.point[int(largest.argmax())]
         return (
-            f"the liner is crushed by {100 * largest.max():.0f} % at ({x * 1e3:.0f}, {y * 1e3:.0f}, "
-            f"{z * 1e3:.0f}) mm, more than foam has: forces there are not to be relied on",
+            f"the liner is crushed by {100 * largest.max():.0f} % at ({x * 1e3:.0f}, "
+            f"{y * 1e3:.0f}, {z * 1e3:.0f}) mm, more than foam has: do not rely on forces there",
         )
     stroke = np.linalg.norm(rows.qpos[:done, layout.slide : layout.slide + 3], axis=1)
     longest = float(stroke.max(initial=0.0))

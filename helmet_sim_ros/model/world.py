@@ -14,7 +14,7 @@ from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.model.force.bodies import Chains, chains
 from helmet_sim_ros.model.force.columns import Columns, as_now, columns, no_columns
 from helmet_sim_ros.model.force.contact import Contact
-from helmet_sim_ros.model.force.fit import ELASTIC
+from helmet_sim_ros.model.force.fit import ELASTIC, STIFFEST
 from helmet_sim_ros.model.force.neck import CervicalSpine
 from helmet_sim_ros.model.force.spring import deepest, law_table, unloading_exponent
 from helmet_sim_ros.model.force.stops import Stops, joint_stops
@@ -154,14 +154,21 @@ def substeps(setup: ImpactSetup, helmet: Helmet) -> int:
 
     The stiffest modes are those of the two light masses m on either side of the spring, whose
     unloading path has the slope C F: the struck shell on its contact (unloading stiffness k,
-    damping c F at force F), and the liner's inside on the padding (unloading stiffness F / w).
+    damping c F at force F), and the liner's inside on the padding (unloading stiffness F / w,
+    damping c E A at most). Of a foam helmet it is both masses on the padding.
     An explicit step must stay below 2/w (sqrt(1 + z^2) - z), w^2 = (k + C F) / m,
     z = c F / (2 m w). F is bounded by the energy of head and helmet at the impact speed, with a
     margin for what the body adds.
     """
-    step = MAX_STEP
-    if helmet.coupling == "spring":
-        shell, loss = helmet.shell, helmet.spring.energy_loss
+    step, pad, shell = MAX_STEP, helmet.padding, helmet.shell
+    inside = np.sort(np.array(shell.semi_axes) - helmet.liner.thickness)
+    area = math.pi * inside[1] * inside[2]  # the largest that is pressed at once
+    padding, rubbing = area * pad.modulus / pad.thickness, area * pad.modulus * pad.damping
+    if helmet.coupling == "foam":
+        mass = shell.effective_mass + helmet.liner.effective_mass
+        step = min(step, _longest(mass, max(padding, area * STIFFEST), rubbing))
+    else:
+        loss = helmet.spring.energy_loss
         head = _head(setup.rider, setup.headform).mass
         energy = 0.5 * BODY_MARGIN * (head + helmet.mass) * setup.normal_velocity**2
         for scale, exponent in law_table(helmet.spring):
@@ -170,13 +177,17 @@ def substeps(setup: ImpactSetup, helmet: Helmet) -> int:
             contact = shell.contact_stiffness / shell.contact_returned
             for mass, other, rubbed in (
                 (shell.effective_mass, contact, shell.contact_damping * force),
-                (helmet.liner.effective_mass, force / ELASTIC, 0.0),
+                (helmet.liner.effective_mass, max(padding, force / ELASTIC), rubbing),
             ):
-                frequency = math.sqrt((spring + other) / mass)
-                damping = 0.5 * rubbed / (mass * frequency)
-                limit = 2.0 / frequency * (math.hypot(1.0, damping) - damping)
-                step = min(step, STABLE_SHARE * limit)
+                step = min(step, _longest(mass, spring + other, rubbed))
     return math.ceil(setup.time_step / max(step, MIN_STEP) - 1e-9)
+
+
+def _longest(mass: float, stiffness: float, damping: float) -> float:
+    """The longest stable explicit step [s] of a damped mass on a spring, with a margin."""
+    frequency = math.sqrt(stiffness / mass)
+    share = 0.5 * damping / (mass * frequency)
+    return STABLE_SHARE * 2.0 / frequency * (math.hypot(1.0, share) - share)
 
 
 def _empty_world(gravity: float, step: float) -> mujoco.MjSpec:

@@ -48,15 +48,15 @@ class Channel:
         package = self.type.__module__.split(".", 1)[0]
         return f"{package}/msg/{self.type.__name__}"
 
-    def message(self, record: ImpactRecord) -> Any:
-        """An empty message to fill for the samples of this record."""
+    def message(self, joints: tuple[str, ...]) -> Any:
+        """An empty message to fill for samples of a body with these joints."""
         message = self.type()
         message.header.frame_id = self.frame
         if self.type is JointState:
-            message.name = list(record.joint_names)
+            message.name = list(joints)
             # Not computed. Left empty, the serialised message would end in stray bytes (Fast CDR
             # aligns a last, empty sequence of doubles), which strict readers of a log refuse.
-            message.effort = array("d", [math.nan] * len(record.joint_names))
+            message.effort = array("d", [math.nan] * len(joints))
         return message
 
 
@@ -174,7 +174,7 @@ def messages(
     no joints and so no ``joint_states``.
     """
     channels = tuple(c for c in channels if c.type is not JointState or record.joint_names)
-    filled = {channel.topic: channel.message(record) for channel in channels}
+    filled = {channel.topic: channel.message(record.joint_names) for channel in channels}
     parts = [
         (channel.fill, filled[channel.topic], channel.values(record).tolist())
         for channel in channels

@@ -11,6 +11,7 @@ from helmet_sim_ros.model.setup import ImpactSetup
 from helmet_sim_ros.nodes.conversion import CHANNELS, messages, stamp
 from helmet_sim_ros.nodes.process import WALL
 from helmet_sim_ros.nodes.qos import CLOCK, LIVE
+from helmet_sim_ros.nodes.robot_description import RobotView
 from helmet_sim_ros.nodes.scene_markers import SceneMarkers
 
 #: How often /clock is repeated while simulation time stands still, in wall time [s].
@@ -54,17 +55,23 @@ class LiveView:
         self._publishers = {c.topic: node.create_publisher(c.type, c.topic, LIVE) for c in CHANNELS}
         self._scene = node.create_publisher(MarkerArray, "scene", LIVE)
         self._markers: SceneMarkers | None = None
+        self.robot = RobotView(node)
 
     def show(self, setup: ImpactSetup, record: ImpactRecord, start_time: float) -> None:
         """Publish every sample of ``record``, a part of an impact of ``setup``."""
         wanted = tuple(c for c in CHANNELS if self._publishers[c.topic].get_subscription_count())
-        markers = self._markers_of(setup) if self._scene.get_subscription_count() else None
+        drawn, robot = self._scene.get_subscription_count() > 0, self.robot.wanted
+        markers = self._markers_of(setup) if drawn or robot else None
         for i, (time_ns, filled) in enumerate(messages(record, start_time, wanted)):
             self._clock.advance(time_ns)
             for topic, message in filled.items():
                 self._publishers[topic].publish(message)
             if markers is not None:
-                self._scene.publish(markers.message(record, i, time_ns))
+                message = markers.message(record, i, time_ns)
+                if drawn:
+                    self._scene.publish(message)
+                if robot:
+                    self.robot.show(markers.scene, time_ns)
 
     def _markers_of(self, setup: ImpactSetup) -> SceneMarkers:
         if self._markers is None or self._markers.setup is not setup:

@@ -13,7 +13,6 @@ from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.serialization import serialize_message
-from rosgraph_msgs.msg import Clock
 
 from helmet_sim_ros.biomech.record import ImpactRecord, from_block
 from helmet_sim_ros.errors import LogError, SetupError
@@ -23,10 +22,11 @@ from helmet_sim_ros.mcap_log.layout import FORMAT_VERSION, IMPACT, NO_CRITERIA, 
 from helmet_sim_ros.mcap_log.writer import LogWriter
 from helmet_sim_ros.model.setup import setup_from_names
 from helmet_sim_ros.nodes import samples
-from helmet_sim_ros.nodes.conversion import CHANNELS, messages, nanoseconds
+from helmet_sim_ros.nodes.conversion import CHANNELS, nanoseconds
 from helmet_sim_ros.nodes.qos import CLOCK, CRITERIA, LIVE, SAMPLES_WRITER, as_yaml
 from helmet_sim_ros.nodes.recorder_config import RecorderConfig
 from helmet_sim_ros.nodes.scene_markers import SceneMarkers
+from helmet_sim_ros.nodes.serialised import CLOCK_TOPIC, serialised
 
 #: The scene is drawn once per so much simulation time [s]; it follows from the other channels.
 SCENE_PERIOD = 1e-3
@@ -65,7 +65,8 @@ class LogSession:
         self._models: dict[str, str] = {}
         self._first: Block | None = None
         self._scene: SceneMarkers | None = None
-        self._topics = {channel.topic: resolve(channel.topic) for channel in CHANNELS}
+        topics = (*(channel.topic for channel in CHANNELS), CLOCK_TOPIC)
+        self._topics = {topic: resolve(topic) for topic in topics}
         self._writer = LogWriter(path, f"helmet_sim_ros {_version('helmet_sim_ros')}")
         try:
             self._begin(config)
@@ -78,7 +79,7 @@ class LogSession:
         for channel in CHANNELS:
             self._writer.add_channel(resolve(channel.topic), channel.type_name, as_yaml(LIVE))
         for topic, kind, qos in (
-            ("/clock", "rosgraph_msgs/msg/Clock", CLOCK),
+            (CLOCK_TOPIC, "rosgraph_msgs/msg/Clock", CLOCK),
             ("scene", "visualization_msgs/msg/MarkerArray", LIVE),
             (samples.TOPIC, "std_msgs/msg/Float64MultiArray", SAMPLES_WRITER),
             (CRITERIA_TOPIC, "diagnostic_msgs/msg/DiagnosticArray", CRITERIA),
@@ -109,13 +110,11 @@ class LogSession:
         self._writer.write(self._resolve(samples.TOPIC), self.end_ns, serialized)
 
     def _add_samples(self, record: ImpactRecord, first: int, start_time: float) -> None:
-        write, clock, scene = self._writer.write, Clock(), self._resolve("scene")
+        write, scene = self._writer.write, self._resolve("scene")
         every = max(1, round(SCENE_PERIOD / record.setup["sim.time_step"]))
-        for i, (time_ns, filled) in enumerate(messages(record, start_time)):
+        for i, (time_ns, filled) in enumerate(serialised(record, start_time)):
             for topic, message in filled.items():
-                write(self._topics[topic], time_ns, serialize_message(message))
-            clock.clock = filled[CHANNELS[0].topic].header.stamp
-            write("/clock", time_ns, serialize_message(clock))
+                write(self._topics[topic], time_ns, message)
             if self._scene is not None and (first + i) % every == 0:
                 markers = self._scene.message(record, i, time_ns)
                 write(scene, time_ns, serialize_message(markers))

@@ -8,6 +8,7 @@ from array import array
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 import yaml
@@ -163,6 +164,22 @@ class Parameters(Generic[T]):
             self._declare(name)
         if not missing:
             self._changed()
+
+
+def config_paths(node: Node) -> list[Path]:
+    """The files and folders that the operator of a node with :class:`Parameters` named.
+
+    Raises:
+        SetupError: one of them is not there.
+    """
+    given = node.get_parameter(CONFIG_PATHS.name).value or ()
+    paths = [
+        Path(text).expanduser() for text in ([given] if isinstance(given, str) else given) if text
+    ]
+    for path in paths:
+        if not path.exists():
+            raise SetupError.of(CONFIG_PATHS.name, str(path), "no such file or folder")
+    return paths
 
 
 def _shown(changes: Values) -> str:

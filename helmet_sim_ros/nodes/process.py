@@ -20,7 +20,7 @@ from rclpy.task import Future
 
 from helmet_sim_ros.errors import HelmetSimError, SetupError
 from helmet_sim_ros.nodes.environment import prepare_environment
-from helmet_sim_ros.nodes.parameters import CONFIG_PATHS
+from helmet_sim_ros.nodes.parameters import config_paths
 from helmet_sim_ros.nodes.teardown import ending_anyway
 from helmet_sim_ros.resources import restrict_reach
 
@@ -61,14 +61,14 @@ def run_node(name: str, create: Callable[[], Node], args: list[str] | None = Non
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         node = create()
-        restrict_reach(node.get_parameter(CONFIG_PATHS.name).value or ())
+        restrict_reach(config_paths(node))
         executor = SingleThreadedExecutor()
         executor.add_node(node)
         while not stopped and rclpy.ok():
-            _serve(executor, node)
+            serve(executor, node)
         patience = time.monotonic() + LEAVING
         while getattr(node, "leaving", bool)() and rclpy.ok() and time.monotonic() < patience:
-            _serve(executor, node)
+            serve(executor, node)
     except ExternalShutdownException:
         pass
     except SetupError as error:
@@ -87,7 +87,7 @@ def run_node(name: str, create: Callable[[], Node], args: list[str] | None = Non
     return code
 
 
-def _serve(executor: SingleThreadedExecutor, node: Node) -> None:
+def serve(executor: SingleThreadedExecutor, node: Node) -> None:
     """One round of the executor. A failed callback is reported and the node lives on."""
     try:
         executor.spin_once(timeout_sec=_POLL)

@@ -22,12 +22,15 @@ class SceneMarkers:
     """The markers of one setup; frame ``world``.
 
     A capsule becomes a cylinder and a sphere at each end.
+
+    Attributes:
+        scene: posed by :meth:`message`.
     """
 
     def __init__(self, setup: ImpactSetup) -> None:
         self.setup = setup
-        self._scene = Scene(setup)
-        self._parts = [_markers(shape) for shape in self._scene.shapes]
+        self.scene = Scene(setup)
+        self._parts = [_markers(shape) for shape in self.scene.shapes]
         ground = _marker(Marker.CUBE, "ground", _GROUND, (0.55, 0.55, 0.55, 1.0))
         ground.pose.position.z = -0.5 * _GROUND[2]
         self._arrows = [_marker(Marker.ARROW, name, _ARROW, (0.0,) * 4) for name in FORCES]
@@ -38,9 +41,9 @@ class SceneMarkers:
 
     def message(self, record: ImpactRecord, index: int, time_ns: int) -> MarkerArray:
         """The scene at one sample; the same object every time."""
-        positions, quaternions = self._scene.poses(record, index)
+        positions, quaternions = self.scene.poses(record, index)
         shapes = zip(
-            self._scene.shapes, self._parts, positions.tolist(), quaternions.tolist(), strict=True
+            self.scene.shapes, self._parts, positions.tolist(), quaternions.tolist(), strict=True
         )
         for shape, markers, position, (x, y, z, w) in shapes:
             turn = Quaternion(x=x, y=y, z=z, w=w)

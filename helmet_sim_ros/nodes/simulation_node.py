@@ -45,9 +45,11 @@ class SimulationNode(Node):
         super().__init__("simulation", **NODE_OPTIONS)
         self._control = RunControl(self)
         self._settings = declare(self, self._busy_reason)
-        Impact(self._settings.value.setup).advance(1)  # compile now, not in the first impact
+        first = Impact(self._settings.value.setup)
+        first.advance(1)  # compile now, not in the first impact
         self._simulation_clock = SimulationClock(self)
         self._live = LiveView(self, self._simulation_clock)
+        self._live.robot.describe(first.model)
         self._samples = self.create_publisher(Float64MultiArray, samples.TOPIC, SAMPLES_WRITER)
         self._status = self.create_publisher(DiagnosticStatus, "~/status", LATCHED)
         self._process = uuid.uuid4().hex[:8]
@@ -123,6 +125,7 @@ class SimulationNode(Node):
         began = time.monotonic()
         setup, live = config.setup, config.live
         impact = Impact(setup)
+        self._live.robot.describe(impact.model)
         start_time = self._simulation_clock.next_start() * 1e-9
         stride = max(1, round(1.0 / (live.publish_rate * setup.time_step)))
         described = setup.described()

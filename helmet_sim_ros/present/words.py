@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from helmet_sim_ros.biomech.catalogue import SPOKEN
 from helmet_sim_ros.biomech.pulse import STANDARD_GRAVITY
 from helmet_sim_ros.biomech.record import ImpactRecord
 from helmet_sim_ros.biomech.result import Evaluation
-
-#: Units that read better in another size: unit -> (shown unit, factor).
-_SHOWN = {"s": ("ms", 1e3), "m": ("mm", 1e3), "-": ("", 1.0)}
 
 
 def impact_label(setup: Mapping[str, Any]) -> str:
@@ -31,13 +29,21 @@ def unit_text(unit: str) -> str:
 
 def quantity_text(value: float, unit: str) -> str:
     """``124.7 g``, ``14.36 mm``."""
-    name, factor = _SHOWN.get(unit, (unit, 1.0))
-    number = value * factor
-    text = f"{number:.0f}" if abs(number) >= 1000.0 else f"{number:.4g}"
-    return f"{text} {unit_text(name)}".rstrip()
+    return f"{number_text(value, unit)} {spoken_unit(unit)}".rstrip()
 
 
-def value_text(value: Any) -> str:
+def number_text(value: float, unit: str) -> str:
+    """The number of :func:`quantity_text`."""
+    number = value * SPOKEN.get(unit, (unit, 1.0))[1]
+    return f"{number:.0f}" if abs(number) >= 1000.0 else f"{number:.4g}"
+
+
+def spoken_unit(unit: str) -> str:
+    """The unit of :func:`quantity_text`."""
+    return unit_text(SPOKEN.get(unit, (unit, 1.0))[0])
+
+
+def value_text(value: object) -> str:
     """A setup value."""
     if value is None:
         return "unset"

@@ -101,7 +101,8 @@ def center_of(contact: Contact, motion: Motion, i: int) -> Vec:
 def distance_of(contact: Contact, surface: Surface, k: int, motion: Motion, i: int) -> float:
     """Distance of an ellipsoid's centre from shape k of the surface [m]."""
     x, y, z = center_of(contact, motion, i)
-    return signed_distance(surface, k, x, y, z)[0]
+    distance: float = signed_distance(surface, k, x, y, z)[0]
+    return distance
 
 
 @inlined
@@ -138,7 +139,8 @@ def effective_depth(contact: Contact, i: int, k: int, depth: float) -> float:
     peak = contact.peak[i, k]
     if depth >= peak:
         return depth
-    return max(0.0, peak - (peak - depth) / contact.returned[i])
+    elastic: float = max(0.0, peak - (peak - depth) / contact.returned[i])
+    return elastic
 
 
 @compiled

@@ -40,7 +40,7 @@ from helmet_sim_ros.model.helmet import Helmet
 #: Share of the densification strain beyond which a padding's law goes on as a straight line.
 LINEAR_FROM = 0.9
 #: m, least way on which a compressed padding unloads: skin and skull give way too (a choice).
-ELASTIC = 0.3e-3
+ELASTIC = 0.5e-3
 #: Pa/m, no padding with skin and skull unloads more steeply (a choice: what the step resolves).
 STIFFEST = 4e9
 #: s, in which a padding recovers from its compression: longer than an impact, shorter than the time
@@ -123,12 +123,10 @@ class Fit(NamedTuple):
 def padding_of(helmet: Helmet, surface: HeadSurface) -> Padding:
     """The layer between a helmet's liner and a head with some surface."""
     pad = helmet.padding
-    bare = surface.shear_modulus is None
+    skin = surface.thickness / surface.shear_modulus if surface.shear_modulus else 0.0
     return Padding(
         pad.thickness, pad.modulus, pad.densification, pad.energy_returned, pad.damping,
-        pad.preload, pad.shear_modulus / pad.modulus,
-        0.0 if bare else surface.thickness / surface.shear_modulus,
-        pad.relaxation, surface.friction,
+        pad.preload, pad.shear_modulus / pad.modulus, skin, pad.relaxation, surface.friction,
     )  # fmt: skip
 
 
@@ -146,11 +144,14 @@ def fit(helmet: Helmet, surface: HeadSurface, slide: int, slide_velocity: int) -
     )
     a, b, c = shell.semi_axes
     axes = (a - 0.5 * (front + back), b - side, c - top)
-    n = helmet.padding.patches
-    height = 1.0 - (2.0 * np.arange(n) + 1.0) / n  # a Fibonacci lattice, as for the columns
-    turn = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(n)
-    ring = np.sqrt(1.0 - height**2)
-    u = np.column_stack([ring * np.cos(turn), ring * np.sin(turn), height])
+    # The left half of a Fibonacci lattice about the y axis, mirrored: a head has two equal sides.
+    half = helmet.padding.patches // 2
+    n, index = 2 * half, np.arange(half)
+    left = 1.0 - (2.0 * index + 1.0) / n
+    turn = np.pi * (3.0 - np.sqrt(5.0)) * index
+    ring = np.sqrt(1.0 - left**2)
+    u = np.column_stack([ring * np.cos(turn), left, ring * np.sin(turn)])
+    u = np.vstack([u, u * [1.0, -1.0, 1.0]])
     point = u * axes
     area = np.prod(axes) * np.linalg.norm(u / axes, axis=1) * 4.0 * np.pi / n
     covered = point[:, 2] + shell.center[2] >= helmet.padding.lowest
@@ -191,6 +192,31 @@ def energy(padding: Padding, compression: float) -> float:
         slope = padding.modulus / (1.0 - LINEAR_FROM) ** 2
         taken += (at_edge + 0.5 * slope * (strain - edge)) * (strain - edge)
     return taken * padding.thickness
+
+
+@inlined
+def way_back(padding: Padding, largest: float, full: float) -> float:
+    """The way [m] on which the padding unloads from a compression [m] of pressure ``full`` [Pa];
+    so long at most that it gives back all that it took up."""
+    lossless = 2.0 * energy(padding, largest) / full
+    return min(lossless, max(padding.returned * lossless, ELASTIC, full / STIFFEST))
+
+
+@inlined
+def shear_stiffness(padding: Padding, largest: float) -> float:
+    """Of padding and head surface in series [Pa/m], at the largest compression [m]."""
+    secant = pressure(padding, largest) / largest
+    return 1.0 / (1.0 / (padding.shear * secant) + padding.skin)
+
+
+@inlined
+def above_head(point: Vec, axes: Vec) -> tuple[float, Vec]:
+    """Distance [m] of a point from the ellipsoid of the head to first order, and its normal."""
+    ux, uy, uz = point[0] / axes[0], point[1] / axes[1], point[2] / axes[2]
+    level = (ux * ux + uy * uy + uz * uz) ** 0.5
+    gx, gy, gz = ux / axes[0], uy / axes[1], uz / axes[2]
+    slope = (gx * gx + gy * gy + gz * gz) ** 0.5
+    return (level - 1.0) * level / slope, (gx / slope, gy / slope, gz / slope)
 
 
 @inlined
@@ -270,35 +296,27 @@ def apply(fit: Fit, step: float, motion: Motion, loads: Loads) -> None:
     speed = (qvel[v], qvel[v + 1], qvel[v + 2])
     # A ball joint's velocity is in the axes of the child.
     spin = turned(rotation, (qvel[v + 3], qvel[v + 4], qvel[v + 5]))
-    ax, ay, az = fit.axes
+    axes, center = fit.axes, fit.center
     force, moment = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for i in range(len(areas)):
         arm = turned(rotation, row(points, i))
-        x, y, z = sub(add(shift, arm), fit.center)
-        # Distance from the ellipsoid to first order, and its normal.
-        ux, uy, uz = x / ax, y / ay, z / az
-        level = (ux * ux + uy * uy + uz * uz) ** 0.5
-        gx, gy, gz = ux / ax, uy / ay, uz / az
-        slope = (gx * gx + gy * gy + gz * gz) ** 0.5
-        compression = padding.preload - (level - 1.0) * level / slope
+        outside, normal = above_head(sub(add(shift, arm), center), axes)
+        compression = padding.preload - outside
         if compression <= 0.0:
             deepest[i] -= deepest[i] * min(1.0, step / RECOVERY)
             sticks[i, 0] = sticks[i, 1] = sticks[i, 2] = 0.0
             continue
-        normal = (gx / slope, gy / slope, gz / slope)
         velocity = add(speed, cross(spin, arm))
         rate = -dot(normal, velocity)
         largest = max(deepest[i], compression)
         full = pressure(padding, largest)
         if compression < largest:
-            width = 2.0 * padding.returned * energy(padding, largest) / full
-            width = max(width, ELASTIC, full / STIFFEST)
+            width = way_back(padding, largest, full)
             full *= max(0.0, 1.0 - (largest - compression) / width)
         deepest[i] = largest + (compression - largest) * min(1.0, step / RECOVERY)
         viscous = padding.damping * rate * min(full, padding.modulus)
         pressed = areas[i] * max(0.0, full + viscous)
-        secant = pressure(padding, largest) / largest
-        shear = 1.0 / (1.0 / (padding.shear * secant) + padding.skin)
+        shear = shear_stiffness(padding, largest)
         rubbed = friction_force(
             shear * areas[i], padding.relaxation, padding.friction * pressed,
             across(velocity, normal), normal, step, sticks[i],
@@ -315,3 +333,40 @@ def apply(fit: Fit, step: float, motion: Motion, loads: Loads) -> None:
         loads.generalised[v + 3 + k] += turning[k]
         loads.coupling[k] = -force[k]
         loads.coupling[3 + k] = -moment[k]
+
+
+@compiled
+def held_energy(fit: Fit, qpos: FloatArray) -> float:
+    """Energy [J] that padding and strap hold: what they took up less what they have given back.
+
+    Of the padding in compression this is more than what fast unloading gives back: a padding that
+    has time to recover gives more, and what it holds is lost while it recovers.
+
+    Args:
+        fit: with the state that :func:`apply` left for the same positions.
+        qpos: generalised positions.
+    """
+    padding, strap = fit.padding, fit.strap
+    shift = (qpos[fit.slide], qpos[fit.slide + 1], qpos[fit.slide + 2])
+    rotation = rotation_of(qpos, fit.slide + 3)
+    held = 0.0
+    for i in range(len(fit.area)):
+        largest = fit.deepest[i]
+        if largest <= 0.0:
+            continue
+        arm = turned(rotation, row(fit.point, i))
+        outside, _ = above_head(sub(add(shift, arm), fit.center), fit.axes)
+        compression = max(0.0, padding.preload - outside)
+        full = pressure(padding, largest)
+        width = way_back(padding, largest, full)
+        back = min(largest - compression, width)
+        per_area = energy(padding, largest) - full * back * (1.0 - 0.5 * back / width)
+        s = row(fit.stick, i)
+        per_area += 0.5 * shear_stiffness(padding, largest) * dot(s, s)
+        held += fit.area[i] * per_area
+    for side in (1.0, -1.0):
+        arm = turned(rotation, (strap.anchor[0], side * strap.anchor[1], strap.anchor[2]))
+        stretch = norm(sub(strap.chin, add(shift, arm))) - strap.length
+        if stretch > 0.0:
+            held += 0.5 * strap.stiffness * stretch * stretch
+    return held

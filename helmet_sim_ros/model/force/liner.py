@@ -64,12 +64,12 @@ class Near(NamedTuple):
     """The list of columns that may touch the surface; state.
 
     Attributes:
-        index: of columns, their number in the last place, (n + 1,).
+        listed: indices of columns, their number in the last place, (n + 1,).
         distance: of every column from the surface when they were listed, (n,) [m].
         position, rotation: of the helmet when they were listed, (3,) [m], (9,).
     """
 
-    index: NDArray[np.int64]
+    listed: NDArray[np.int64]
     distance: FloatArray
     position: FloatArray
     rotation: FloatArray
@@ -126,7 +126,7 @@ def is_flat(surface: Surface) -> bool:
 
 @compiled
 def moved(near: Near, surface: Surface, position: FloatArray, rotation: FloatArray) -> float:
-    """An upper bound of how much closer to the surface any column has come since the listing [m]."""
+    """Bound of how much closer to the surface any column has come since the listing [m]."""
     if is_flat(surface):  # only along its normal
         axes = surface.rotation[0]
         normal = (axes[2], axes[5], axes[8])
@@ -158,7 +158,7 @@ def find_near(liner: CrushingLiner, surface: Surface, motion: Motion) -> None:
     near.position[:] = position
     near.rotation[:] = rotation
     helmet = rigid(motion, liner.helmet)
-    listed, distances = near.index, near.distance
+    listed, distances = near.listed, near.distance
     distances[:] = np.inf
     for k in range(len(surface.kind)):
         if surface.kind[k] == HALF_SPACE:  # its height is linear in the helmet's own axes
@@ -196,7 +196,7 @@ def apply(
     """
     find_near(liner, surface, motion)
     points, normals, areas, thicknesses, radii, foams = liner.columns
-    listed, largest, rest, sticks = liner.near.index, liner.largest, liner.rest, liner.stick
+    listed, largest, rest, sticks = liner.near.listed, liner.largest, liner.rest, liner.stick
     helmet = rigid(motion, liner.helmet)
     flat = is_flat(surface)  # one plane, taken out of its arrays once
     up = (surface.rotation[0, 2], surface.rotation[0, 5], surface.rotation[0, 8])
@@ -323,7 +323,7 @@ def crush(liner: CrushingLiner, surface: Surface, motion: Motion, deepest: Float
     """How deep the undeformed shell would reach into the surface.
 
     Args:
-        deepest: the depth [m], 0 without contact, times the surface's outward normal, (3,); written.
+        deepest: the depth [m], 0 without contact, times the outward normal, (3,); written.
     """
     most = 0.0
     deepest[:] = 0.0

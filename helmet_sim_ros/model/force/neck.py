@@ -107,6 +107,15 @@ def bending_excess(bent: Vec, ranges: FloatArray) -> tuple[float, Vec]:
 
 
 @compiled
+def largest_excess(bent: FloatArray, ranges: FloatArray) -> float:
+    """The largest :func:`bending_excess` [rad] of many rotation vectors, (n, 3)."""
+    largest = 0.0
+    for i in range(len(bent)):
+        largest = max(largest, bending_excess((bent[i, 0], bent[i, 1], bent[i, 2]), ranges)[0])
+    return largest
+
+
+@compiled
 def stop_torque(stiffness: float, excess: float, rate: float) -> float:
     """Torque [N m] of a stop passed by ``excess`` [rad] at ``rate`` [rad/s].
 

@@ -64,7 +64,7 @@ RISE = 0.01  # m over the tangent plane, below which columns count as near
 FOUND = 1e-7  # m
 STEPS = 60  # of the search for the surface
 SLACK = 1.5  # cells that the helmet may move before the grid follows
-SHARE = 0.6  # of the largest stable step
+SHARE = 0.8  # of the largest stable step
 #: The plate is without inertia. This mass per area gives it explicit steps; a third of it changes
 #: no peak by more than 1 %. [kg/m^2]
 MASS = 0.5
@@ -91,6 +91,7 @@ class Plate(NamedTuple):
         plane: the tangent plane as a surface; state.
         frame: origin (3) [m], and unit vectors x, y and outward normal; (12,), state.
         height, speed: of the plate over the tangent plane, (n, n) [m], [m/s]; state.
+        slow: its speed of the last moments, (n, n) [m/s]; state.
         anvil, friction: height of what lies below and its friction, (n, n); state.
         bent: moments xx, yy and xy over D, (3, n, n); working memory.
         pressed: force of the foam on each node, (n, n) [N]; working memory.
@@ -122,7 +123,7 @@ def plate(helmet: Helmet, liner: CrushingLiner) -> Plate:
     stiffness = material.bending_stiffness
     areas, foam = liner.columns.area, liner.columns.foam
     count = len(areas)
-    n = 2 * round(REACH / cell) + 1 if stiffness > 0.0 and count else 3
+    n = 2 * math.ceil(REACH / cell) + 1 if stiffness > 0.0 and count else 3
     longest = math.inf
     lag = 0.0
     if stiffness > 0.0 and count:
@@ -132,7 +133,6 @@ def plate(helmet: Helmet, liner: CrushingLiner) -> Plate:
         fastest = math.sqrt((64.0 * stiffness / cell**4 + crowded * steep) / MASS)
         lag = 2.0 * DAMPING / fastest
         longest = SHARE * 2.0 / fastest * (math.hypot(1.0, DAMPING) - DAMPING)
-    grid = (n, n)
     plane = Surface(
         np.array([HALF_SPACE]),
         np.zeros((1, 3)),
@@ -140,10 +140,11 @@ def plate(helmet: Helmet, liner: CrushingLiner) -> Plate:
         np.zeros((1, SIZES)),
         np.zeros(1),
     )
+    height, speed, slow, anvil, friction, pressed = (np.zeros((n, n)) for _ in range(6))
     return Plate(
         stiffness if count else 0.0, material.poisson, material.strongest_curvature, lag, longest,
-        cell, np.zeros(1, dtype=np.int64), plane, np.zeros(12), *(np.zeros(grid) for _ in range(5)),
-        np.zeros((3, n, n)), np.zeros(grid), np.zeros((count, PUSHED + 1)),
+        cell, np.zeros(1, dtype=np.int64), plane, np.zeros(12), height, speed, slow, anvil,
+        friction, np.zeros((3, n, n)), pressed, np.zeros((count, PUSHED + 1)),
     )  # fmt: skip
 
 
@@ -344,20 +345,21 @@ def move(plate: Plate, step: float) -> None:
 
 
 @compiled
-def on_plate(plate: Plate, u: float, v: float) -> tuple[int, int, float, float, bool]:
-    """Cell that holds a point of the plane, the point's place in it from 0 to 1, and whether
-    there is one."""
+def on_plate(plate: Plate, u: float, v: float) -> tuple[int, int, float, float]:
+    """Cell that holds a point of the plane, and the point's place in it from 0 to 1. Beyond the
+    grid the plate goes on as at its edge."""
     n, middle = len(plate.height), (len(plate.height) - 1) // 2
-    x, y = u / plate.cell + middle, v / plate.cell + middle
-    i, j = math.floor(x), math.floor(y)
-    return i, j, x - i, y - j, 0 <= i < n - 1 and 0 <= j < n - 1
+    x = min(max(u / plate.cell + middle, 0.0), n - 1.0)
+    y = min(max(v / plate.cell + middle, 0.0), n - 1.0)
+    i, j = min(math.floor(x), n - 2), min(math.floor(y), n - 2)
+    return i, j, x - i, y - j
 
 
 @compiled
 def press(plate: Plate, liner: CrushingLiner, early: float) -> None:
     """Forces of the foam on the plate, ``early`` seconds before the step ends."""
     _, _, areas, thicknesses, radii, foams = liner.columns
-    listed, state, z, pressed = liner.near.index, plate.columns, plate.height, plate.pressed
+    listed, state, z, pressed = liner.near.listed, plate.columns, plate.height, plate.pressed
     largest, rest = liner.largest, liner.rest
     pressed[:] = 0.0
     for n in range(listed[-1]):
@@ -367,9 +369,7 @@ def press(plate: Plate, liner: CrushingLiner, early: float) -> None:
         state[c, PUSHED] = 0.0
         if cosine <= 0.0:
             continue
-        i, j, a, b, inside = on_plate(plate, u, v)
-        if not inside:
-            continue
+        i, j, a, b = on_plate(plate, u, v)
         q, r, s, t = (1.0 - a) * (1.0 - b), a * (1.0 - b), (1.0 - a) * b, a * b
         surface = q * z[i, j] + r * z[i + 1, j] + s * z[i, j + 1] + t * z[i + 1, j + 1]
         depth = surface - (height - rate * early)
@@ -400,7 +400,7 @@ def apply(
         step: time since the last call [s].
         motion, loads: of the bodies.
     """
-    listed, sticks = liner.near.index, liner.stick
+    listed, sticks = liner.near.listed, liner.stick
     if plate.engaged[0] == 0:
         find_near(liner, surface, motion)
         if listed[-1] == 0 or not engage(plate, liner, surface, motion):
@@ -436,7 +436,7 @@ def apply(
         if pushed <= 0.0:
             stick[0] = stick[1] = stick[2] = 0.0
             continue
-        i, j, _, _, _ = on_plate(plate, state[c, U], state[c, V])
+        i, j, _, _ = on_plate(plate, state[c, U], state[c, V])
         point = world_point(helmet, row(points, c))
         slip = across(velocity_at(helmet, point), up)
         shear = loading_stress(largest[c], foams[c]) / largest[c] / (2.0 * (1.0 + POISSON))

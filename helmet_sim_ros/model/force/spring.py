@@ -2,9 +2,10 @@
 
 Loading follows F = A (exp(B d) - 1) (Hyncik & Bonkowski, section 2.2). Below the largest
 compression d_m so far, unloading and reloading follow F = F_m (exp(C d) - 1) / (exp(C d_m) - 1),
-with C such that the area under it is (1 - energy_loss) of the loading energy. In three dimensions d is the length of the displacement
-and the force lies along it; each axis contributes its law with the square of the direction's
-cosine, so that along an axis its own law holds, and equal laws make an isotropic spring.
+with C such that the area under it is (1 - energy_loss) of the loading energy. In three dimensions d
+is the length of the displacement and the force lies along it; each axis contributes its law with
+the square of the direction's cosine, so that along an axis its own law holds, and equal laws make
+an isotropic spring.
 """
 
 from __future__ import annotations

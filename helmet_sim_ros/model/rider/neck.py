@@ -14,10 +14,10 @@ import math
 
 import mujoco
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from helmet_sim_ros.biomech.record import FloatArray
-from helmet_sim_ros.model.force.neck import CervicalSpine, bending_excess
+from helmet_sim_ros.biomech.rotation import rotation_vectors
+from helmet_sim_ros.model.force.neck import CervicalSpine, largest_excess
 from helmet_sim_ros.model.rider.anthropometry import Anthropometry, Segment, cylinder
 from helmet_sim_ros.model.rider.properties import Neck
 
@@ -123,6 +123,8 @@ def named_today(
     old = {f"{name}_{turn}" for name in ("neck_lower", "neck_upper") for turn in _HINGES}
     if not old.issubset(joints):
         return joints, positions
+    from scipy.spatial.transform import Rotation  # 20 MB that only a former log needs
+
     values = dict(zip(joints, positions, strict=True))
     named = {name: value for name, value in values.items() if name not in old}
     for name in ("neck_lower", "neck_upper"):
@@ -153,8 +155,8 @@ def overload(neck: CervicalSpine, positions: FloatArray) -> tuple[str, ...]:
         notes.append(f"the neck yielded at {neck.plateaus[1] / 1e3:.2f} kN of tension")
     for i, name in enumerate(JOINTS):
         first = neck.qpos[i]
-        bent = Rotation.from_quat(positions[:, [first + 1, first + 2, first + 3, first]])
-        excess = max(bending_excess((x, y, z), neck.ranges[i])[0] for x, y, z in bent.as_rotvec())
+        bent = rotation_vectors(positions[:, [first + 1, first + 2, first + 3, first]])
+        excess = largest_excess(bent, neck.ranges[i])
         if excess > TOLD_EXCESS:
             notes.append(f"{name} bent {math.degrees(excess):.0f} deg beyond its range of motion")
     return tuple(notes)

@@ -11,8 +11,7 @@ import jinja2
 import numpy as np
 from markupsafe import Markup
 
-from helmet_sim_ros.biomech.catalogue import entry
-from helmet_sim_ros.biomech.evaluation import SPOKEN
+from helmet_sim_ros.biomech.catalogue import SPOKEN, entry
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.biomech.result import Criterion
 from helmet_sim_ros.errors import LogError

@@ -8,7 +8,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from helmet_sim_ros.biomech.record import FloatArray
-from helmet_sim_ros.study.identification.fit import SIDES, Identification
+from helmet_sim_ros.model.identified import SIDES
+from helmet_sim_ros.study.identification.fit import Identification
 from helmet_sim_ros.study.identification.history_fit import HistoryFit
 
 SPEED_COLORS = ("#1b6ca8", "#3a9d5d", "#d98c1f", "#c0392b", "#7d3c98", "#566573")
@@ -58,7 +59,9 @@ def identification_figure(result: Identification, loops: Sequence[Loop] = ()) ->
     return figure
 
 
-def loops_figure(loops: Mapping[str, Sequence[Loop]], sides: Sequence[str] = SIDES) -> Figure:
+def loops_figure(
+    loops: Mapping[str, Sequence[Loop]], sides: Sequence[str] = tuple(SIDES)
+) -> Figure:
     """Force-compression loops per side for several helmets (layout of the paper's Figs 3 and 4)."""
     figure = Figure(figsize=(10.0, 6.5))
     axes = figure.subplots(2, 2, sharex=True, sharey=True)

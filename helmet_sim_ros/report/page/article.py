@@ -10,6 +10,7 @@ from helmet_sim_ros.biomech.record import ImpactRecord
 from helmet_sim_ros.biomech.result import Criterion, Evaluation
 from helmet_sim_ros.errors import LogError
 from helmet_sim_ros.mcap_log import ImpactLog
+from helmet_sim_ros.present.words import value_text
 from helmet_sim_ros.report.export.tables import setup_unit
 from helmet_sim_ros.report.page.blocks import packed
 from helmet_sim_ros.report.page.crush import crush_panel
@@ -18,7 +19,6 @@ from helmet_sim_ros.report.page.quantity import number, pretty, quantity, unit_t
 from helmet_sim_ros.report.page.replay import replay_data
 from helmet_sim_ros.report.page.svg import Curve, panel
 from helmet_sim_ros.report.review.check import Reviewed
-from helmet_sim_ros.report.review.summary import shown
 from helmet_sim_ros.study.scenario.reference import Published
 
 
@@ -64,8 +64,8 @@ def article(
         "samples": impact.samples,
         "step": quantity(record.time_step * 1e6, "µs"),
         "stride": stride,
-        "normal": shown(setup.get("impact.normal_velocity")),
-        "tangential": shown(setup.get("impact.tangential_velocity")),
+        "normal": value_text(setup.get("impact.normal_velocity")),
+        "tangential": value_text(setup.get("impact.tangential_velocity")),
         "force_ratio": _number(evaluation, "force_ratio", ".2f"),
         "peak_g": _number(evaluation, "peak_g", ".0f"),
         "hic": _number(evaluation, "hic", ".0f"),
@@ -98,7 +98,7 @@ def messages(evaluation: Evaluation) -> list[dict[str, object]]:
 def setup_rows(values: dict[str, object]) -> list[dict[str, str]]:
     """Setup values with their units."""
     return [
-        {"name": name, "value": shown(value), "unit": unit_text(setup_unit(name))}
+        {"name": name, "value": value_text(value), "unit": unit_text(setup_unit(name))}
         for name, value in values.items()
     ]
 

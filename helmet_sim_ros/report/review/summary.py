@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from helmet_sim_ros.present.words import value_text
+
 Setup = Mapping[str, object]
 
 #: Setup values that every table shows.
@@ -47,19 +49,6 @@ def labels(setups: Sequence[Setup], speeds: bool = True) -> list[str]:
     names = []
     for setup in setups:
         first = label(setup) if speeds else str(setup.get(LEADING[0]) or "impact")
-        extra = [f"{n.rpartition('.')[2]} {shown(setup.get(n))}" for n in more]
+        extra = [f"{n.rpartition('.')[2]} {value_text(setup.get(n))}" for n in more]
         names.append("; ".join([first, *extra]))
     return names
-
-
-def shown(value: object) -> str:
-    """A setup value as a table shows it."""
-    if value is None:
-        return "unset"
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, float):
-        return f"{value:g}"
-    if isinstance(value, list | tuple):
-        return ", ".join(map(shown, value))
-    return str(value)

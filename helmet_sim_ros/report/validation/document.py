@@ -34,10 +34,10 @@ coupling spring identified from 16 drop tests of that liner. "The paper" is Hync
 *Helmet to head coupling by multi-body system*; MB, FE and THUMS are the columns of its Table 1.
 
 **What was set how.** Nothing is fitted to Table 1 except where a heading says *calibrated*. The
-foam's constants come from density and literature (`model/foam.py`), the geometry from usual helmet
-sizes, the spring from the foam. Density (55 kg/m^3), body angle (30 deg, the paper's upper bound),
-friction (0.40, which the paper does not print but its ratios settle at), padding stiffness and
-relaxation are choices within published ranges; the sensitivity table shows what each of them moves.
+foam's constants come from density and literature (`model/force/foam.py`), the geometry from usual
+helmet sizes, the spring from the foam. Density (50 kg/m^3), body angle (30 deg, the paper's upper
+bound), friction (0.40, which the paper does not print but its ratios settle at), and the padding
+are choices within published ranges; the sensitivity table shows what each of them moves.
 They were chosen with the paper's table in view, so agreement of that order is not proof of them.
 """
 

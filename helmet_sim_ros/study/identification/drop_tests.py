@@ -11,8 +11,12 @@ from scipy.integrate import trapezoid
 from helmet_sim_ros.biomech.evaluation import evaluate
 from helmet_sim_ros.biomech.record import FloatArray, ImpactRecord
 from helmet_sim_ros.errors import SetupError
+from helmet_sim_ros.model.force import fit
 from helmet_sim_ros.model.force.columns import liner_rows
 from helmet_sim_ros.model.force.foam import bottoming_strain
+from helmet_sim_ros.model.head_surface import HeadSurface
+from helmet_sim_ros.model.helmet import Helmet
+from helmet_sim_ros.model.identified import SIDES
 from helmet_sim_ros.model.impact import simulate
 from helmet_sim_ros.model.setup import ImpactSetup
 from helmet_sim_ros.study.scenario.matrix import load_scenario
@@ -136,8 +140,7 @@ def measure(record: ImpactRecord, setup: ImpactSetup) -> DropTest:
     force, compression = record.ground_force[:, 2], approach(record)
     zone, liner = ZONES[setup.direction], setup.helmet_config.liner
     limit = bottoming_strain(liner_rows(liner, np.array([liner.zone_density(zone)]))[0])
-    crushed = record.coupling_displacement
-    strain = float(np.linalg.norm(crushed, axis=1).max()) / liner.zone_thickness(zone)
+    strain = _crush(record, setup, zone) / liner.zone_thickness(zone)
     result = evaluate(record)
     return DropTest(
         direction=zone,
@@ -151,3 +154,17 @@ def measure(record: ImpactRecord, setup: ImpactSetup) -> DropTest:
         bottomed=strain > limit,
         source=setup.helmet,
     )
+
+
+def padding_stroke(helmet: Helmet, side: str, force: FloatArray) -> FloatArray:
+    """How far forces [N], (n,), press the head into the padding on one side, (n,) [m]."""
+    sitting = fit.fit(helmet, HeadSurface(friction=0.0), 0, 0)  # pressed straight: nothing slides
+    axis = np.array(SIDES[side])
+    return np.array([fit.approach(sitting, axis, float(f)) for f in force])
+
+
+def _crush(record: ImpactRecord, setup: ImpactSetup, zone: str) -> float:
+    """Largest crush of the liner [m]: the displacement of the shell less the padding's."""
+    displacement = np.linalg.norm(record.coupling_displacement, axis=1).max()
+    peak = record.ground_force[:, 2].max(keepdims=True)
+    return float(displacement - padding_stroke(setup.helmet_config, zone, peak)[0])

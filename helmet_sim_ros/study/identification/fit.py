@@ -3,7 +3,8 @@
 Per side of the helmet, F = A (exp(B d) - 1) is laid through the (force, compression) peaks by
 least squares of the relative force error (Hyncik & Bonkowski, section 2.2, connect the peaks of
 four speeds by an exponential). The compression of a drop test holds the shell's own bending on the
-ground, F / k of the helmet's contact stiffness k, which the model adds again: it is taken off.
+ground, F / k of the helmet's contact stiffness k, and the head's approach to the liner through the
+padding. The model adds both again: they are taken off.
 """
 
 from __future__ import annotations
@@ -15,15 +16,14 @@ from pathlib import Path
 
 import numpy as np
 import yaml
-from scipy.optimize import curve_fit
 from scipy.stats import t as student
 
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.errors import Problem, SetupError
 from helmet_sim_ros.model.helmet import Helmet
-from helmet_sim_ros.study.identification.drop_tests import DropTest
+from helmet_sim_ros.model.identified import SIDES, exponential, exponential_through
+from helmet_sim_ros.study.identification.drop_tests import DropTest, padding_stroke
 
-SIDES = ("front", "back", "side", "top")
 MINIMUM_TESTS = 3  # two constants and one degree of freedom for their confidence
 CONFIDENCE = 0.95
 
@@ -38,7 +38,7 @@ class SideFit:
         B: [1/m]; ``B_interval`` its 95 % confidence interval.
         stiffness: initial stiffness A B [N/m]; ``stiffness_interval`` its 95 % interval. A alone
             has no useful interval: for a nearly straight law A and B trade against each other.
-        compression: of the spring at the peaks, shell bending taken off, shape (n,) [m].
+        compression: of the spring at the peaks, shell bending and padding taken off, (n,) [m].
         force: measured peaks, (n,) [N].
         speed: (n,) [m/s].
         residual: fitted over measured force - 1, (n,) [-].
@@ -133,24 +133,17 @@ def _checked(side: str, tests: Sequence[DropTest]) -> list[DropTest]:
 
 def _fit(side: str, tests: list[DropTest], base: Helmet) -> SideFit:
     force = np.array([t.peak_force for t in tests])
-    compression = np.array([t.peak_compression for t in tests])
-    compression = compression - force / base.shell.contact_stiffness
-    for test, left in zip(tests, compression, strict=True):
-        if left <= 0.1 * test.peak_compression:
+    bending, padding = force / base.shell.contact_stiffness, padding_stroke(base, side, force)
+    compression = np.array([t.peak_compression for t in tests]) - bending - padding
+    for i, test in enumerate(tests):
+        if compression[i] <= 0.1 * test.peak_compression:
             raise SetupError.of(
                 f"{side} at {test.normal_velocity:g} m/s", test.peak_compression,
                 "must be well above the shell's own bending, force / shell.contact_stiffness = "
-                f"{test.peak_force / base.shell.contact_stiffness:.4g} m; {test.source}",
+                f"{bending[i]:.4g} m, and what the padding gives way, {padding[i]:.4g} m; "
+                f"{test.source}",
             )  # fmt: skip
-
-    # Fitted in initial stiffness A B and B, which are far less correlated than A and B.
-    def law(d: FloatArray, stiffness: float, exponent: float) -> FloatArray:
-        return np.asarray(stiffness / exponent * np.expm1(exponent * d))
-
-    start = (float(force[0] / compression[0]), 10.0)
-    (stiffness, exponent), covariance = curve_fit(
-        law, compression, force, p0=start, sigma=force, bounds=((1.0, 1e-3), (1e9, 499.0))
-    )
+    stiffness, exponent, covariance = exponential_through(compression, force)
     reach = float(student.ppf(0.5 + 0.5 * CONFIDENCE, len(force) - 2))
     errors = reach * np.sqrt(np.diag(covariance))
     return SideFit(
@@ -163,5 +156,5 @@ def _fit(side: str, tests: list[DropTest], base: Helmet) -> SideFit:
         compression=compression,
         force=force,
         speed=np.array([t.normal_velocity for t in tests]),
-        residual=law(compression, stiffness, exponent) / force - 1.0,
+        residual=exponential(compression, stiffness, exponent) / force - 1.0,
     )

@@ -14,10 +14,13 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from helmet_sim_ros.biomech.catalogue import entry
+from helmet_sim_ros.biomech.standards import load_standard
 from helmet_sim_ros.errors import PulseError, SetupError
 from helmet_sim_ros.model.helmet import Helmet, load_helmet
 from helmet_sim_ros.resources import find_config
 from helmet_sim_ros.schema import Config, Leaf, leaves, quantity
+from helmet_sim_ros.study.certification.campaign import make_campaign
+from helmet_sim_ros.study.certification.protocol import load_protocol
 from helmet_sim_ros.study.optimisation.design import (
     FOLLOWING,
     QUANTITIES,
@@ -25,6 +28,7 @@ from helmet_sim_ros.study.optimisation.design import (
     DesignRules,
     make_design,
 )
+from helmet_sim_ros.study.scenario.matrix import flatten
 from helmet_sim_ros.study.sweeps.sampling import unit_points
 from helmet_sim_ros.study.sweeps.study import Study, StudyFile, build_study, digest, value_leaves
 from helmet_sim_ros.yaml_file import read_yaml
@@ -33,6 +37,9 @@ from helmet_sim_ros.yaml_file import read_yaml
 PROBES = 512
 #: Variables up to which every corner of their ranges is tried, too.
 MAX_CORNERS = 9
+
+#: The response of a protocol.
+MARGIN = "protocol_margin"
 
 _OVER = re.compile(r"(worst|mean|p(\d{1,2}(?:\.\d+)?)) (\w+)")
 
@@ -96,12 +103,16 @@ class OptimisationFile(StudyFile):
     """What an optimisation file holds.
 
     The impacts of every design are given as in a study (``common``, ``cases``, ``product``,
-    ``draw``); its helmet is the reference. ``variables`` are values of the helmet with the range to
-    search. A response is a criterion over the impacts (``worst peak_g``, ``mean hic``,
-    ``p95 bric``) or a quantity of the design (``helmet_mass``, ``liner_mass``, ``max_thickness``,
-    ``max_density``).
+    ``draw``), or are those of a ``protocol``; its helmet is the reference. ``variables`` are values
+    of the helmet with the range to search. A response is a criterion over the impacts (``worst
+    peak_g``, ``mean hic``, ``p95 bric``), a quantity of the design (``helmet_mass``,
+    ``liner_mass``, ``max_thickness``, ``max_density``), or ``protocol_margin``: the least of
+    1 - value / limit over all limits of the protocol.
     """
 
+    protocol: str | None = Field(
+        None, description="impacts of a protocol: name in config/protocols, or path"
+    )
     variables: dict[str, tuple[float, float]] = Field(
         description="helmet.* name -> lowest and highest value"
     )
@@ -133,6 +144,11 @@ class OptimisationFile(StudyFile):
         for key in ("criteria", "percentiles", "histories"):
             if getattr(self, key):
                 raise SetupError.of(key, getattr(self, key), "goes with sweeps")
+        for key in ("cases", "product") if self.protocol is not None else ():
+            if getattr(self, key):
+                raise SetupError.of(
+                    key, getattr(self, key), "must not be given beside protocol, which has impacts"
+                )
         for key in ("variables", "objectives"):
             if not getattr(self, key):
                 raise SetupError.of(key, getattr(self, key), "must hold at least one")
@@ -160,14 +176,14 @@ class Response:
         Raises:
             SetupError: neither a quantity of a design nor a criterion over impacts.
         """
-        if name in QUANTITIES:
+        if name in QUANTITIES or name == MARGIN:
             return cls(name)
         match = _OVER.fullmatch(name)
         if match is None:
             raise SetupError.of(
                 "(response)", name,
                 "must be 'worst CRITERION', 'mean CRITERION', 'p95 CRITERION' or one of "
-                + ", ".join(QUANTITIES),
+                + ", ".join((*QUANTITIES, MARGIN)),
             )  # fmt: skip
         try:
             entry(match[3])
@@ -179,10 +195,23 @@ class Response:
     @property
     def unit(self) -> str:
         """Its unit."""
+        if self.name == MARGIN:
+            return "-"
         return QUANTITIES[self.name] if self.criterion is None else entry(self.criterion).unit
 
-    def value(self, design: Design, criteria: Mapping[str, Sequence[float]]) -> float:
-        """Its value for a design, given each criterion for all impacts."""
+    def value(
+        self,
+        design: Design,
+        criteria: Mapping[str, Sequence[float]],
+        limits: Sequence[Mapping[str, float]] = (),
+    ) -> float:
+        """Its value for a design, given each criterion, and the limits, for all impacts."""
+        if self.name == MARGIN:
+            return min(
+                1.0 - criteria[name][i] / limit
+                for i in range(len(next(iter(criteria.values()))))
+                for name, limit in limits[i % len(limits)].items()
+            )
         if self.criterion is None:
             return design.quantities[self.name]
         values = criteria[self.criterion]
@@ -200,6 +229,7 @@ class Optimisation:
         impacts: what every design goes through, with the reference helmet.
         reference: the helmet that the search starts from.
         responses: all that objectives and constraints need, by name.
+        limits: of each impact of the protocol, criterion -> limit; empty without a protocol.
     """
 
     name: str
@@ -208,11 +238,14 @@ class Optimisation:
     impacts: Study
     reference: Helmet
     responses: Mapping[str, Response]
+    limits: tuple[Mapping[str, float], ...] = ()
 
     @property
     def criteria(self) -> tuple[str, ...]:
         """Criteria that the responses need."""
-        found = (r.criterion for r in self.responses.values() if r.criterion is not None)
+        found = [r.criterion for r in self.responses.values() if r.criterion is not None]
+        if MARGIN in self.responses:
+            found += [name for limits in self.limits for name in limits]
         return tuple(dict.fromkeys(found))
 
     @property
@@ -222,6 +255,8 @@ class Optimisation:
         kept = {k: v for k, v in self.impacts.identity.items() if k != "criteria"}
         parts = ("variables", "objectives", "constraints", "design", "batch", "sampler", "seed")
         dumped = file.model_dump()
+        if self.limits:
+            kept["limits of the protocol"] = digest(self.limits)
         return {**kept, **{name: digest(dumped[name]) for name in parts}}
 
     def design(self, values: Mapping[str, float]) -> Design:
@@ -252,16 +287,48 @@ def load_optimisation(name_or_path: str | Path, **overrides: object) -> Optimisa
     """
     path = find_config("studies", str(name_or_path), "study")
     file: OptimisationFile = OptimisationFile.from_mapping(read_yaml(path, "study"), str(path))
+    limits: tuple[Mapping[str, float], ...] = ()
+    if file.protocol is not None:
+        file, limits = _with_protocol(file, file.protocol, path, overrides)
     impacts = build_study(file, path, overrides)
     try:
-        plan = _plan(file, path, impacts)
+        plan = _plan(file, path, impacts, limits)
         _check_limits(plan)
     except SetupError as error:
         raise error.within(str(path)) from None
     return plan
 
 
-def _plan(file: OptimisationFile, path: Path, impacts: Study) -> Optimisation:
+def _with_protocol(
+    file: OptimisationFile, name: str, path: Path, overrides: Mapping[str, object]
+) -> tuple[OptimisationFile, tuple[Mapping[str, float], ...]]:
+    """The file with the protocol's impacts as its cases, and the limits of each."""
+    changes = flatten(file.common, f"{path}: common") | flatten(overrides)
+    helmet = str(changes.pop("helmet.name", "fullface"))
+    try:
+        hits = make_campaign(helmet, name, load_protocol(name), changes).hits
+    except SetupError as error:
+        raise error if error.source else error.within(str(path)) from None
+    if any(hit.number > 1 for hit in hits):
+        raise SetupError.of(
+            "protocol", name,
+            "strikes the same spot again; every impact of a search starts from a new helmet",
+            str(path),
+        )  # fmt: skip
+    limits = tuple(
+        {k: v.max for k, v in load_standard(hit.standard).limits.items()} if hit.standard else {}
+        for hit in hits
+    )
+    cases = tuple(dict(hit.values) for hit in hits)
+    return file.model_copy(update={"cases": cases, "common": {}}), limits
+
+
+def _plan(
+    file: OptimisationFile,
+    path: Path,
+    impacts: Study,
+    limits: tuple[Mapping[str, float], ...],
+) -> Optimisation:
     helmets = {str(row.values.get("helmet.name", "fullface")) for row in impacts.rows()}
     if len(helmets) > 1:
         raise SetupError.of("helmet.name", sorted(helmets), "a design starts from one helmet")
@@ -279,7 +346,9 @@ def _plan(file: OptimisationFile, path: Path, impacts: Study) -> Optimisation:
         _check_numeric(name)
     wanted = [goal.response for goal in file.objectives] + [c.of for c in file.constraints]
     responses = {name: Response.parse(name) for name in wanted}
-    return Optimisation(impacts.name, path, file, impacts, reference, responses)
+    if MARGIN in responses and not any(limits):
+        raise SetupError.of(MARGIN, file.protocol, "needs a protocol that sets limits")
+    return Optimisation(impacts.name, path, file, impacts, reference, responses, limits)
 
 
 def _check_variable(name: str, bounds: tuple[float, float], known: Mapping[str, Leaf]) -> None:
@@ -314,7 +383,7 @@ def _check_numeric(name: str) -> None:
 
 def _check_limits(plan: Optimisation) -> None:
     """Refuse limits on quantities of the design that no design in the ranges meets."""
-    limits = [c for c in plan.file.constraints if plan.responses[c.of].criterion is None]
+    limits = [c for c in plan.file.constraints if c.of in QUANTITIES]
     closest: tuple[float, Constraint, float] | None = None
     tried = 0
     for design in _probes(plan) if limits else ():

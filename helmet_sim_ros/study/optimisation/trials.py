@@ -157,7 +157,7 @@ def _judged(
             if value is None:
                 return Trial(number, dict(values), error=f"impact {i}: it gives no {name}")
             columns.setdefault(name, []).append(value)
-    responses = {name: r.value(design, columns) for name, r in plan.responses.items()}
+    responses = {name: r.value(design, columns, plan.limits) for name, r in plan.responses.items()}
     excess = {
         f"{i}: {limit.of}": limit.excess(responses[limit.of])
         for i, limit in enumerate(plan.file.constraints, 1)

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 from helmet_sim_ros.biomech.evaluation import evaluate
+from helmet_sim_ros.model.helmet import Padding
 from helmet_sim_ros.model.impact import Impact
 from helmet_sim_ros.model.setup import ImpactSetup
 from helmet_sim_ros.study.identification.drop_tests import SimulatedDrop, simulated_drops
@@ -19,6 +20,8 @@ SPRING = {"helmet.coupling": "spring"}
 #: The paper's own comparison (its Table 1): mean error of MB against FE.
 PAPER_ERRORS = {"peak_g": 11.7, "force_ratio": 13.0}
 
+#: Of the padding of every shipped helmet [Pa].
+SHEAR = Padding().shear_modulus
 _BENDING = tuple(f"rider.neck.{sense}_per_level" for sense in ("flexion", "extension", "lateral"))
 #: What the sensitivity table varies, in words -> overrides or setup values.
 VARIATIONS: Mapping[str, Mapping[str, object]] = {
@@ -32,13 +35,13 @@ VARIATIONS: Mapping[str, Mapping[str, object]] = {
     "heading 60 deg": {"impact.tangential_heading_deg": 60.0},
     "friction 0.3": {"impact.friction": 0.3},
     "friction 0.5": {"impact.friction": 0.5},
-    "foam density 50 kg/m^3": {"helmet.liner.density": 50.0},
-    "foam density 60 kg/m^3": {"helmet.liner.density": 60.0},
+    "foam density 45 kg/m^3": {"helmet.liner.density": 45.0},
+    "foam density 55 kg/m^3": {"helmet.liner.density": 55.0},
     "head fixed in the liner": {"head.friction": 2.0, "helmet.padding.shear_modulus": 1e7},
     "friction of the head 0.16": {"head.friction": 0.16},
     "friction of the head 0.75": {"head.friction": 0.75},
-    "padding half as stiff in shear": {"helmet.padding.shear_modulus": 50e3},
-    "padding twice as stiff in shear": {"helmet.padding.shear_modulus": 200e3},
+    "padding half as stiff in shear": {"helmet.padding.shear_modulus": 0.5 * SHEAR},
+    "padding twice as stiff in shear": {"helmet.padding.shear_modulus": 2.0 * SHEAR},
 }  # fmt: skip
 
 

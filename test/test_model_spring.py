@@ -6,22 +6,22 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import trapezoid
 
-from helmet_sim_ros.model import coupling
+from helmet_sim_ros.model.force import spring as law
 from helmet_sim_ros.model.helmet import Spring, SpringLaw
 
 LAW = {"A": 16485.0, "B": 15.0}
 
 
 def spring(energy_loss: float = 0.85, **sides: dict[str, float]) -> Spring:
-    laws = {side: SpringLaw(**sides.get(side, LAW)) for side in set(coupling.SIDES)}
+    laws = {side: SpringLaw(**sides.get(side, LAW)) for side in set(law.SIDES)}
     return Spring(**laws, energy_loss=energy_loss)
 
 
 def forces(path: np.ndarray, config: Spring) -> np.ndarray:
     """Force on the shell [N] along a displacement history (n, 3) [m]."""
-    state, out = coupling.new_state(), np.zeros_like(path)
+    virgin, out = law.coupling_spring(config), np.zeros_like(path)
     for row, force in zip(path, out, strict=True):
-        coupling.spring_force(row, coupling.law_table(config), config.energy_loss, state, force)
+        law.spring_force(virgin, row, force)
     return out
 
 
@@ -78,12 +78,48 @@ def test_reloading_follows_the_unloading_path_and_then_the_loading_path() -> Non
     assert force[80] < 0.5 * 16485.0 * (np.exp(15.0 * 0.012) - 1.0)
 
 
-def test_the_sides_of_an_axis_keep_separate_histories() -> None:
+def test_each_side_has_its_own_law_below_the_largest_compression_in_any_direction() -> None:
     path = np.concatenate(
-        [np.linspace(0, 0.02, 20), np.linspace(0.02, 0, 20), np.linspace(0, -0.02, 20)]
+        [np.linspace(0, 0.02, 20), np.linspace(0.02, 0, 20), np.linspace(0, -0.03, 31)]
     )
-    force = forces(along(1, path), spring())[:, 1]
-    assert force[-1] == pytest.approx(-force[19])
+    config = spring(front={"A": 9000.0, "B": 33.0})
+    force = forces(along(0, path), config)[:, 0]
+    assert force[-1] == pytest.approx(9000.0 * np.expm1(33.0 * 0.03))
+    at = 40 + 20  # as far to the front as it was to the back: on the loading path again
+    assert force[at] == pytest.approx(9000.0 * np.expm1(33.0 * 0.02))
+    assert force[at - 5] < 0.5 * 9000.0 * np.expm1(33.0 * 0.015)
+
+
+def test_equal_laws_make_an_isotropic_spring() -> None:
+    """Force along the displacement, its amount that of the law, in every direction and at any
+    point of a loop."""
+    rng = np.random.default_rng(1)
+    d = np.concatenate([np.linspace(0, 0.025, 30), np.linspace(0.025, 0.015, 30)])
+    reference = -forces(along(0, d), spring())[:, 0]
+    for _ in range(20):
+        direction = rng.normal(size=3)
+        direction /= np.linalg.norm(direction)
+        force = forces(d[:, None] * direction, spring())
+        assert force == pytest.approx(-reference[:, None] * direction, rel=1e-9, abs=1e-9)
+
+
+def test_between_the_axes_each_law_counts_with_the_square_of_its_cosine() -> None:
+    config = spring(front={"A": 9000.0, "B": 33.0}, side={"A": 40e3, "B": 8.0})
+    d = np.linspace(0.0, 0.02, 50)
+    direction = np.array([-0.6, 0.8, 0.0])
+    force = forces(d[:, None] * direction, config)
+    expected = 0.36 * 9000.0 * np.expm1(33.0 * d) + 0.64 * 40e3 * np.expm1(8.0 * d)
+    assert -force @ direction == pytest.approx(expected)
+    assert np.cross(force, direction) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_circle_at_the_largest_compression_costs_no_work() -> None:
+    """Where all laws are equal: what a rotation of the displacement takes it gives back."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 400)
+    path = 0.02 * np.column_stack([np.cos(angle), np.sin(angle), 0.0 * angle])
+    force = forces(np.vstack([np.zeros(3), path]), spring())[1:]
+    work = (0.5 * (force[1:] + force[:-1]) * np.diff(path, axis=0)).sum()
+    assert work == pytest.approx(0.0, abs=1e-6)
 
 
 def test_recoverable_energy_is_the_area_that_unloading_returns() -> None:
@@ -91,12 +127,12 @@ def test_recoverable_energy_is_the_area_that_unloading_returns() -> None:
     path = along(0, -np.concatenate([d, d[::-1]]))
     config = spring(0.7)
     force = forces(path, config)[:, 0]
-    stored = coupling.recoverable_energy(path, config)
+    stored = law.recoverable_energy(path, config)
     assert stored[3000] == pytest.approx(trapezoid(force[3001:][::-1], d), rel=1e-4)
     assert stored[-1] == pytest.approx(0.0, abs=1e-9)
     assert stored[3000] == pytest.approx(0.3 * trapezoid(force[:3001], d), rel=1e-4)
 
 
 def test_the_share_is_continuous_where_its_series_takes_over() -> None:
-    below, above = coupling.exponential_share(1e-2 - 1e-9), coupling.exponential_share(1e-2 + 1e-9)
+    below, above = law.exponential_share(1e-2 - 1e-9), law.exponential_share(1e-2 + 1e-9)
     assert below == pytest.approx(above, abs=1e-9)

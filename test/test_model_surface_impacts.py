@@ -1,0 +1,79 @@
+"""Impacts on every shipped surface: turned ground is ground, and momentum is kept everywhere."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from helmet_sim_ros import ImpactSetup, simulate
+from helmet_sim_ros.biomech.record import ImpactRecord
+from helmet_sim_ros.model.balance import balance
+from helmet_sim_ros.model.impact import Impact
+from helmet_sim_ros.model.surface.config import load_surface
+from helmet_sim_ros.resources import share_directory
+
+SHIPPED = sorted(p.stem for p in (share_directory() / "config" / "surfaces").glob("*.yaml"))
+
+#: Vectors of a record in world axes; the origin of the moment lies in the first touch of both.
+IN_WORLD = (
+    "head_acceleration", "head_angular_acceleration", "head_velocity", "head_angular_velocity",
+    "head_position", "helmet_position", "ground_force", "ground_torque", "ground_friction",
+    "body_ground_force",
+)  # fmt: skip
+IN_THE_BODY = (
+    "coupling_force", "coupling_torque", "coupling_displacement", "neck_force", "neck_torque",
+    "joint_positions", "joint_velocities",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("form", ["spring", "foam"])
+@pytest.mark.parametrize("rig", ["headform", "rider"])
+@pytest.mark.parametrize("surface", ["incline_45", "incline_15"])
+def test_a_tilted_plane_without_gravity_is_flat_ground(surface: str, rig: str, form: str) -> None:
+    """The same impact seen from turned axes, sample by sample."""
+
+    def struck(name: str) -> ImpactRecord:
+        return simulate(ImpactSetup(
+            rig=rig, surface=name, friction=0.4, gravity=0.0, tangential_velocity=6.0,
+            tangential_heading_deg=40.0, duration=0.02, overrides={"helmet.coupling": form},
+        ))  # fmt: skip
+
+    flat, tilted = struck("ground"), struck(surface)
+    point, frame = load_surface(surface).frame
+    assert point == pytest.approx(0.0, abs=1e-12)
+    for name in IN_WORLD:
+        expected, seen = getattr(flat, name), getattr(tilted, name) @ frame
+        size = np.abs(expected).max(initial=1e-3)
+        assert np.abs(seen - expected).max() < 1e-6 * size, name
+    for name in IN_THE_BODY:
+        expected, seen = getattr(flat, name), getattr(tilted, name)
+        size = np.abs(expected).max(initial=1e-3)
+        assert np.abs(seen - expected).max(initial=0.0) < 1e-6 * size, name
+
+
+@pytest.mark.parametrize("form", ["spring", "foam"])
+@pytest.mark.parametrize("surface", SHIPPED)
+def test_momentum_is_kept_on_every_surface(surface: str, form: str) -> None:
+    impact = Impact(ImpactSetup(
+        rig="headform", direction="front", surface=surface, tangential_velocity=4.0,
+        duration=0.03, overrides={"helmet.coupling": form},
+    ))  # fmt: skip
+    impact.advance(impact.total)
+    record, checked = impact.record(), balance(impact)
+    assert checked.momentum_error < 5e-3
+    assert np.linalg.norm(record.head_acceleration, axis=1).max() > 200.0  # m/s^2: it was struck
+    assert checked.mechanical[-1] < 0.9 * checked.mechanical[0]
+    pressed = record.ground_force - record.ground_friction
+    limit = max(impact.surface.friction) * np.linalg.norm(pressed, axis=1)
+    if len(impact.surface.kind) == 1 and surface in ("ground", "road", "incline_45", "incline_15"):
+        assert np.all(np.linalg.norm(record.ground_friction, axis=1) <= limit * (1 + 1e-9) + 1e-9)
+
+
+@pytest.mark.parametrize("surface", SHIPPED)
+def test_a_helmet_starts_touching_and_goes_the_way_of_the_target(surface: str) -> None:
+    setup = ImpactSetup(rig="headform", surface=surface, duration=1e-3)
+    record = simulate(setup)
+    _, frame = setup.surface_config.frame
+    assert frame.T @ record.head_velocity[0] == pytest.approx([0.0, 0.0, -5.0], abs=1e-9)
+    assert np.linalg.norm(record.ground_force[0]) < 1.0
+    assert np.linalg.norm(record.ground_force[5]) > 100.0
