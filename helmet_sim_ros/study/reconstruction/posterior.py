@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
+from scipy.optimize import OptimizeResult, least_squares
 
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.errors import SetupError, StudyError
@@ -244,16 +244,19 @@ def most_likely(
         values = residuals(whole.low + np.vstack([scaled, scaled + np.diag(step)]) * span)
         return np.asarray(((values[1:] - values[0]) / step[:, None]).T)
 
-    ends = []
-    for x, y in STARTS:
-        start = np.array([speed, 0.5 * x * whole.high[1], 0.5 * y * whole.high[2], 0.0, 0.0])
-        ends.append(
-            least_squares(
-                lambda scaled: residuals((whole.low + scaled * span)[None])[0],
-                np.clip((start - whole.low) / span, 0.01, 0.99), jac=jacobian, bounds=(0.0, 1.0),
-                max_nfev=EVALUATIONS, x_scale=0.1,
-            )
+    def descent(start: FloatArray) -> OptimizeResult:
+        return least_squares(
+            lambda scaled: residuals((whole.low + scaled * span)[None])[0],
+            np.clip(start, 0.01, 0.99), jac=jacobian, bounds=(0.0, 1.0),
+            max_nfev=EVALUATIONS, x_scale=0.1,
         )  # fmt: skip
+
+    starts = [np.array([speed, 0.5 * x * whole.high[1], 0.5 * y * whole.high[2], 0.0, 0.0])
+              for x, y in STARTS]  # fmt: skip
+    ends = [descent((start - whole.low) / span) for start in starts]
+    # A long crush looks alike from both ends: the same blow, slid the other way from there.
+    for end in sorted(ends, key=lambda one: float(one.cost))[:2]:
+        ends.append(descent(np.r_[end.x[0], 1.0 - end.x[1:]]))
     best = min(float(end.cost) for end in ends)
     prior = 12.0 * np.eye(len(NAMES))  # a uniform one has the variance of its span over 12
     found = []
