@@ -36,6 +36,14 @@ REPORT = [
     "pyarrow>=15",
 ]
 
+#: Helmets from meshes, and the crash behind their crush.
+CAD = [
+    "embreex>=2.17",
+    "emcee>=3.1",
+    "fast-simplification>=0.1.7",
+    "trimesh>=4.4",
+]
+
 #: The explorer in the browser.
 EXPLORE = [
     "markupsafe",
@@ -55,11 +63,13 @@ EXTRAS = {
         f"ros-rclpy[fastrtps]==7.1.6; {WHEELS}",
         f"ros-jazzy-common-interfaces==5.3.6; {WHEELS}",
     ],
+    "cad": CAD,
     "docs": DOCS,
     "explore": EXPLORE,
     "report": REPORT,
     "study": STUDY,
     "test": [
+        *CAD,
         *DOCS,
         *EXPLORE,
         *REPORT,

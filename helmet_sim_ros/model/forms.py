@@ -16,12 +16,12 @@ SPRING_ONLY = (
 #: Values of a liner without effect in a helmet whose spring the user gave himself.
 FOAM_ONLY = (
     "liner.density", "liner.energy_returned", "liner.columns", "liner.front.density",
-    "liner.back.density", "liner.side.density", "liner.top.density",
+    "liner.foam", "liner.inner.", "liner.back.density", "liner.side.density", "liner.top.density",
 )  # fmt: skip
 #: Values without effect in any spring helmet: its shell is rigid on whatever it strikes.
 BENDING = ("shell.material.", "shell.cell")
 #: What a spring is identified from.
-LINER = ("liner.", "shell.semi_axes", "shell.center", "shell.contact_stiffness", "mass")
+LINER = ("liner.", "geometry", "shell.semi_axes", "shell.center", "shell.contact_stiffness", "mass")
 
 
 def worn(helmet: Helmet, changes: Mapping[str, object]) -> Helmet:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import Field, model_validator
 
 from helmet_sim_ros.errors import Problem, SetupError
-from helmet_sim_ros.resources import find_config
+from helmet_sim_ros.model.foams import foam_digest, load_foam
+from helmet_sim_ros.model.geometry import read_geometry
+from helmet_sim_ros.resources import find_config, is_path
 from helmet_sim_ros.schema import Config, quantity
 from helmet_sim_ros.yaml_file import read_yaml
 
@@ -119,10 +122,26 @@ class Zone(Config):
     )
 
 
+class Layer(Config):
+    """The inner layer of a liner of two densities; it lies on the head's side."""
+
+    density: float | None = quantity(
+        "density of the same foam; unset: there is one layer", "kg/m^3", None, ge=10.0, le=300.0
+    )
+    share: float = quantity("share of the liner's thickness", "-", 0.5, gt=0.0, lt=1.0)
+
+
 class Liner(Config):
     """Crushable EPS liner of the foam helmet; see model/foam.py for the law."""
 
     density: float = quantity("foam density", "kg/m^3", ge=15.0, le=120.0)
+    foam: str | None = Field(
+        None,
+        description="what it is made of: name in config/foams, or path to a YAML file; unset: eps",
+    )
+    foam_digest: str | None = Field(
+        None, exclude=True, description="digest of the foam's file, told and not chosen"
+    )
     thickness: float = quantity("liner thickness", "m", ge=0.01, le=0.08)
     energy_returned: float = quantity(
         "share of the crushing energy that unloading gives back", "-", 0.05, ge=0.005, le=0.5
@@ -131,11 +150,46 @@ class Liner(Config):
         "part of the liner's mass that stops with its struck part; the rest moves with the head",
         "kg", 0.1, gt=0.0, le=1.0,
     )  # fmt: skip
+    inner: Layer = Field(default_factory=Layer)
     columns: int = quantity("foam columns over the whole shell", "-", 1000, ge=50, le=20000)
     front: Zone = Field(default_factory=Zone)
     back: Zone = Field(default_factory=Zone)
     side: Zone = Field(default_factory=Zone)
     top: Zone = Field(default_factory=Zone)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _tell_digest(cls, data: Any) -> Any:
+        if not isinstance(data, Mapping) or not isinstance(data.get("foam"), str):
+            return data
+        digest, told = foam_digest(data["foam"]), data.get("foam_digest")
+        if told not in (None, digest):
+            raise SetupError.of(
+                "foam_digest", told, f"the file of {data['foam']} is another one now, {digest}"
+            )
+        return {**data, "foam_digest": digest}
+
+    @model_validator(mode="after")
+    def _within_the_foam(self) -> Liner:
+        if self.foam is None:
+            if self.foam_digest is not None:
+                raise SetupError.of("foam_digest", self.foam_digest, "needs a foam")
+            return self
+        low, high = load_foam(self.foam).densities
+        if self.inner.density is not None and not low <= self.inner.density <= high:
+            raise SetupError.of(
+                "inner.density", self.inner.density,
+                f"must be from {low:g} to {high:g} kg/m^3 for {self.foam}",
+            )  # fmt: skip
+        for zone in ("front", "back", "side", "top"):
+            density = self.zone_density(zone)
+            if not low <= density <= high:
+                own = getattr(self, zone).density is not None
+                raise SetupError.of(
+                    f"{zone}.density" if own else "density", density,
+                    f"must be from {low:g} to {high:g} kg/m^3 for {self.foam}",
+                )  # fmt: skip
+        return self
 
     def zone_thickness(self, zone: str) -> float:
         """Thickness of a zone [m]."""
@@ -193,6 +247,9 @@ class Helmet(Config):
     inertia: Vector = quantity(
         "moments of inertia of the whole helmet about its centre, head axes", "kg m^2"
     )
+    mass_center: Vector | None = quantity(
+        "centre of mass in the head frame; unset: the shell's centre", "m", None
+    )
     shell: Shell
     coupling: Literal["spring", "foam"] = Field(
         "spring", description="what joins head and shell: coupling spring or foam liner"
@@ -201,6 +258,11 @@ class Helmet(Config):
     liner: Liner
     padding: Padding = Field(default_factory=Padding)
     strap: Strap = Field(default_factory=Strap)
+    geometry: str | None = Field(
+        None,
+        description="array file with the outer surface and the liner's thickness, written by "
+        "'helmet-sim helmet import', beside the helmet's file; unset: the shell's ellipsoid",
+    )
 
     @model_validator(mode="after")
     def _consistent(self) -> Helmet:
@@ -218,12 +280,27 @@ class Helmet(Config):
                 "inertia", self.inertia,
                 "each must be above 0 and at most 1 kg m^2, none above the sum of the others",
             )  # fmt: skip
+        if self.mass_center is not None and max(map(abs, self.mass_center)) > 0.1:
+            raise SetupError.of("mass_center", self.mass_center, "each must be from -0.1 to 0.1 m")
+        if self.geometry is not None:
+            cells = len(read_geometry(self.geometry).area)
+            if self.liner.columns != cells:
+                raise SetupError.of(
+                    "liner.columns", self.liner.columns, f"must be {cells}: {self.geometry}"
+                )  # fmt: skip
         return self
 
 
 @lru_cache(maxsize=64)
 def _load(path: Path, _mtime_ns: int) -> Helmet:
-    return Helmet.from_mapping(read_yaml(path, "helmet"), str(path))  # type: ignore[no-any-return]
+    data = read_yaml(path, "helmet")
+    if isinstance(data, dict) and isinstance(data.get("geometry"), str):
+        data["geometry"] = str(path.parent.resolve() / data["geometry"])
+    liner = data.get("liner") if isinstance(data, dict) else None
+    foam = liner.get("foam") if isinstance(liner, dict) else None
+    if isinstance(liner, dict) and isinstance(foam, str) and is_path(foam):
+        liner["foam"] = str(path.parent.resolve() / foam)
+    return Helmet.from_mapping(data, str(path))  # type: ignore[no-any-return]
 
 
 def load_helmet(name_or_path: str) -> Helmet:

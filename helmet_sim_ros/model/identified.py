@@ -14,8 +14,8 @@ from functools import lru_cache
 import numpy as np
 
 from helmet_sim_ros.biomech.record import FloatArray
-from helmet_sim_ros.model.force.columns import columns
-from helmet_sim_ros.model.force.foam import bottoming_strain, foam_row
+from helmet_sim_ros.model.force.columns import columns, liner_rows
+from helmet_sim_ros.model.force.foam import bottoming_strain
 from helmet_sim_ros.model.force.liner import press
 from helmet_sim_ros.model.helmet import Helmet, Spring, SpringLaw
 
@@ -77,10 +77,13 @@ def identified(helmet: Helmet) -> Spring:
 def _peaks(helmet: Helmet, side: str, axis: FloatArray) -> tuple[FloatArray, FloatArray, float]:
     """Crush [m] and force [N] at the peaks of four drops, and the mean share of energy lost."""
     liner, table = helmet.liner, columns(helmet)
-    foam = foam_row(liner.zone_density(side), liner.energy_returned)
+    foam = liner_rows(liner, np.array([liner.zone_density(side)]))[0]
+    thickness = liner.zone_thickness(side)
+    if helmet.geometry is not None:  # a measured liner is as thick as it is there
+        thickness = float(table.thickness[np.argmax(table.point @ axis)])
     n = len(table.area)
     largest, rest = np.zeros(n), np.full(n, -1.0)
-    depth = np.linspace(0.0, bottoming_strain(foam) * liner.zone_thickness(side), STEPS)
+    depth = np.linspace(0.0, bottoming_strain(foam) * thickness, STEPS)
     force = np.array([press(table, axis, d, largest, rest) for d in depth])
     energy = _work(force, depth)
     mass = HEAD_MASS + helmet.mass

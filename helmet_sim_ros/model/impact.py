@@ -95,7 +95,7 @@ class Impact:
             raise PulseError(f"crush: shape {largest.shape}, expected ({count},)")
         self._motion = motion_of(data)
         self._loads = no_loads(parts.model, data.qfrc_applied)
-        liner = crushing_liner(columns, helmet.shell, layout.helmet, shapes, largest)
+        liner = crushing_liner(columns, helmet, layout.helmet, shapes, largest)
         self._forces = Forces(
             world.surface,
             coupling_spring(helmet.spring, layout.slide, layout.slide_velocity),
@@ -232,6 +232,13 @@ class Impact:
                 "crush": liner.largest.copy(),
                 "residual_crush": strains * liner.columns.thickness,
                 "column_position": liner.columns.point.copy(),
+            }
+        if liner.measured and len(liner.largest):  # a log must tell the helmet without its file
+            columns = liner.columns
+            extras |= {
+                "column_normal": columns.normal.copy(),
+                "column_area": columns.area.copy(),
+                "column_thickness": columns.thickness.copy(),
             }
         return extras
 

@@ -11,8 +11,9 @@ from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.errors import SetupError
 from helmet_sim_ros.model.force import contact as contacts
 from helmet_sim_ros.model.force.bodies import motion_of
+from helmet_sim_ros.model.force.columns import first_touch
 from helmet_sim_ros.model.force.contact import Contact
-from helmet_sim_ros.model.helmet import Shell
+from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.setup import ImpactSetup
 from helmet_sim_ros.model.surface.compiled import Surface
 
@@ -26,7 +27,7 @@ def place(
     contact: Contact,
     surface: Surface,
     setup: ImpactSetup,
-    shell: Shell,
+    helmet: Helmet,
 ) -> tuple[str, ...]:
     """Set pose and velocity: helmet just touching the surface's target, all moving as one.
 
@@ -36,7 +37,7 @@ def place(
         contact: what may touch the surface besides a foam liner.
         surface: what is struck.
         setup: of the impact.
-        shell: of the helmet.
+        helmet: of the setup, in the form that is simulated.
 
     Returns:
         What a user should know about the pose, in words.
@@ -49,9 +50,7 @@ def place(
     normal = frame[:, 2]
     # All joints at rest: posture and neck flexion are the springs' reference angles.
     data.qpos[7:] = model.qpos_spring[7:]
-    down = rotation.T @ -normal
-    axes = np.array(shell.semi_axes)
-    touch = np.array(shell.center) + axes**2 * down / np.linalg.norm(axes * down)
+    touch = first_touch(helmet, rotation.T @ -normal)
     place_head(model, data, target - rotation @ touch, rotation)
     heading = math.radians(setup.tangential_heading_deg)
     along = setup.tangential_velocity * np.array([math.cos(heading), math.sin(heading), 0.0])

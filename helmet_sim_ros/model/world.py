@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.model.force.bodies import Chains, chains
-from helmet_sim_ros.model.force.columns import Columns, columns, no_columns
+from helmet_sim_ros.model.force.columns import Columns, as_now, columns, no_columns
 from helmet_sim_ros.model.force.contact import Contact
 from helmet_sim_ros.model.force.fit import ELASTIC, STIFFEST
 from helmet_sim_ros.model.force.neck import CervicalSpine
 from helmet_sim_ros.model.force.spring import deepest, law_table, unloading_exponent
 from helmet_sim_ros.model.force.stops import Stops, joint_stops
+from helmet_sim_ros.model.geometry import read_geometry
 from helmet_sim_ros.model.headform import Headform
 from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.layout import Layout
@@ -102,7 +103,7 @@ def build(setup: ImpactSetup, helmet: Helmet) -> World:
     surface = setup.surface_config.compiled(setup.friction)
     contact = parts.contact.fresh(len(surface.kind))
     data = mujoco.MjData(parts.model)
-    notes = place(parts.model, data, contact, surface, setup, helmet.shell)
+    notes = place(parts.model, data, contact, surface, setup, helmet)
     return World(parts, data, surface, contact, steps, notes)
 
 
@@ -122,7 +123,7 @@ def _parts(
     segment = _head(rider, form)
     held = HELD if rig == "monorail" else 1.0
     _rigid(head, segment.mass, [0.0, 0.0, 0.0], [held * i for i in segment.inertia])
-    _add_helmet(head, helmet)
+    _add_helmet(spec, head, helmet)
     _add_sensors(spec, rig)
     model = spec.compile()
     if rig == "rider":
@@ -211,7 +212,7 @@ def _empty_world(gravity: float, step: float) -> mujoco.MjSpec:
     return spec
 
 
-def _add_helmet(head: mujoco.MjsBody, helmet: Helmet) -> None:
+def _add_helmet(spec: mujoco.MjSpec, head: mujoco.MjsBody, helmet: Helmet) -> None:
     """The helmet on the head, with six degrees of freedom.
 
     A rigid shell of the whole mass would be stopped at once by the ground and then struck by the
@@ -219,7 +220,8 @@ def _add_helmet(head: mujoco.MjsBody, helmet: Helmet) -> None:
     helmet, but carries in translation the mass of its struck part only; the rest is carried by the
     head. Of a spring helmet the struck shell moves on three slides against the liner's inside.
     """
-    center, spring = list(helmet.shell.center), helmet.coupling == "spring"
+    center = list(helmet.shell.center if helmet.mass_center is None else helmet.mass_center)
+    spring = helmet.coupling == "spring"
     struck, inside = helmet.shell.effective_mass, helmet.liner.effective_mass
     carried = head.add_body(name="helmet_rest")
     _rigid(carried, helmet.mass - struck - inside, center, [POINT_INERTIA] * 3)
@@ -234,9 +236,25 @@ def _add_helmet(head: mujoco.MjsBody, helmet: Helmet) -> None:
         _rigid(shell, struck, center, [POINT_INERTIA] * 3)
     else:
         _rigid(fitted, struck + inside, center, list(helmet.inertia))
+    _draw_shell(spec, shell, helmet)
+
+
+def _draw_shell(spec: mujoco.MjSpec, shell: mujoco.MjsBody, helmet: Helmet) -> None:
+    if helmet.geometry is None:
+        shell.add_geom(
+            name="shell", type=mujoco.mjtGeom.mjGEOM_ELLIPSOID, size=list(helmet.shell.semi_axes),
+            pos=list(helmet.shell.center), mass=0.0, rgba=list(HELMET_COLOR),
+        )  # fmt: skip
+        return
+    geometry = read_geometry(helmet.geometry)
+    vertices = as_now(helmet, geometry, geometry.vertices)
+    spec.add_mesh(
+        name="shell", uservert=vertices.ravel(), userface=geometry.faces.ravel(),
+        inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
+    )  # fmt: skip
     shell.add_geom(
-        name="shell", type=mujoco.mjtGeom.mjGEOM_ELLIPSOID, size=list(helmet.shell.semi_axes),
-        pos=center, mass=0.0, rgba=list(HELMET_COLOR),
+        name="shell", type=mujoco.mjtGeom.mjGEOM_MESH, meshname="shell", mass=0.0, contype=0,
+        conaffinity=0, rgba=list(HELMET_COLOR),
     )  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""What the extra ``study`` installs, imported when it is needed."""
+"""What the extras ``study`` and ``cad`` install, imported when it is needed."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from types import ModuleType
 from helmet_sim_ros.errors import StudyError
 
 
-def need(module: str) -> ModuleType:
-    """A module of the extra ``study``.
+def need(module: str, extra: str = "study") -> ModuleType:
+    """A module of an extra.
 
     Raises:
         StudyError: it is not installed; says how to install it.
@@ -19,5 +19,5 @@ def need(module: str) -> ModuleType:
     except ImportError as error:
         raise StudyError(
             f"{module.partition('.')[0]} is not installed ({error}); "
-            "install what studies need with: pip install helmet_sim_ros[study]"
+            f"install what this needs with: pip install helmet_sim_ros[{extra}]"
         ) from None

@@ -15,7 +15,9 @@ from typing import NamedTuple
 import numpy as np
 
 from helmet_sim_ros.biomech.record import FloatArray
-from helmet_sim_ros.model.force.foam import foam_rows
+from helmet_sim_ros.model.foams import load_foam
+from helmet_sim_ros.model.force.foam import foam_rows, in_series, rows_of
+from helmet_sim_ros.model.geometry import ZONES, Geometry, read_geometry
 from helmet_sim_ros.model.helmet import Helmet, Liner
 
 
@@ -28,7 +30,8 @@ class Columns(NamedTuple):
         area: (n,) [m^2].
         thickness: of the liner, (n,) [m].
         radius: of a disc of the cell's area, (n,) [m].
-        foam: constants of each column's foam, (n, 5); see :mod:`helmet_sim_ros.model.force.foam`.
+        foam: constants of each column's foam, (n, 5), with a table (n, 133); see
+            :mod:`helmet_sim_ros.model.force.foam`.
     """
 
     point: FloatArray
@@ -47,7 +50,81 @@ def no_columns() -> Columns:
 
 @lru_cache(maxsize=8)
 def columns(helmet: Helmet) -> Columns:
-    """The columns of a helmet: a Fibonacci lattice mapped onto the shell's ellipsoid.
+    """The columns of a helmet: the cells of its ``geometry``, or of the shell's ellipsoid."""
+    if helmet.geometry is None:
+        return ellipsoid_columns(helmet)
+    return geometry_columns(helmet, read_geometry(helmet.geometry))
+
+
+def first_touch(helmet: Helmet, direction: FloatArray) -> FloatArray:
+    """The point of a helmet's outer surface that lies farthest in a direction.
+
+    Args:
+        helmet: of a foam helmet with a geometry, its cells; else the shell's ellipsoid.
+        direction: of length 1, helmet frame, (3,).
+
+    Returns:
+        shape (3,), helmet frame [m].
+    """
+    shell = helmet.shell
+    if helmet.geometry is None or helmet.coupling == "spring":
+        axes = np.array(shell.semi_axes)
+        farthest: FloatArray = axes**2 * direction / np.linalg.norm(axes * direction)
+        return np.array(shell.center) + farthest
+    cells = columns(helmet)
+    cosine = cells.normal @ direction
+    # A cell is a disc; its edge touches first.
+    reach = cells.point @ direction + cells.radius * np.sqrt(np.maximum(0.0, 1.0 - cosine**2))
+    i = int(np.argmax(np.where(cosine > 0.0, reach, -np.inf)))
+    first: FloatArray = cells.point[i] + (reach[i] - cells.point[i] @ direction) * direction
+    return first
+
+
+def as_now(helmet: Helmet, geometry: Geometry, points: FloatArray) -> FloatArray:
+    """Points of a geometry, (n, 3) [m], as the helmet's shell has them now."""
+    stretch = np.array(helmet.shell.semi_axes) / geometry.semi_axes
+    moved: FloatArray = np.array(helmet.shell.center) + stretch * (points - geometry.center)
+    return moved
+
+
+def mean_densities(helmet: Helmet, cells: Columns) -> FloatArray:
+    """Density of the liner below each cell of a helmet's columns, mean of its layers, (n,)
+    [kg/m^3]."""
+    liner, inner = helmet.liner, helmet.liner.inner
+    weight = (
+        zone_weights(cells.normal) if helmet.geometry is None
+        else read_geometry(helmet.geometry).weight
+    )  # fmt: skip
+    density = zone_densities(liner, weight)
+    if inner.density is None:
+        return density
+    return (1.0 - inner.share) * density + inner.share * inner.density
+
+
+def geometry_columns(helmet: Helmet, geometry: Geometry) -> Columns:
+    """The columns of a helmet whose surface was measured or drawn.
+
+    The helmet's shell may differ from the ellipsoid that was fitted to the cells (a design with a
+    thicker liner): they follow it, vector areas by the cofactors of the stretch. Thicknesses follow
+    the helmet's, zone by zone.
+    """
+    stretch = np.array(helmet.shell.semi_axes) / geometry.semi_axes
+    point = as_now(helmet, geometry, geometry.point)
+    vector = geometry.normal * geometry.area[:, None] * (stretch.prod() / stretch)
+    area = np.linalg.norm(vector, axis=1)
+    liner, measured = helmet.liner, geometry.mean_thickness
+    now = np.array([liner.zone_thickness(zone) for zone in ZONES])
+    own = np.array([getattr(liner, zone).thickness is not None for zone in ZONES])
+    before = np.where(own & (geometry.zone_thickness > 0.0), geometry.zone_thickness, measured)
+    thickness = geometry.thickness * (geometry.weight @ (now / before))
+    foam = liner_rows(liner, zone_densities(liner, geometry.weight))
+    return Columns(
+        point, vector / area[:, None], area, thickness, np.sqrt(area / np.pi), foam
+    )  # fmt: skip
+
+
+def ellipsoid_columns(helmet: Helmet) -> Columns:
+    """A Fibonacci lattice mapped onto the shell's ellipsoid.
 
     The lattice spreads n directions evenly over the unit sphere; direction u maps to the point D u
     with D = diag(semi-axes), with area det(D) |D^-1 u| 4 pi / n and normal along D^-1 u. A cell
@@ -70,18 +147,40 @@ def columns(helmet: Helmet) -> Columns:
     curvature = ((axes**2).sum() - (surface**2).sum(axis=1)) / (2 * axes.prod() ** 2 * gradient**3)
     point = surface - (0.25 * radius**2 * curvature)[:, None] * normal
     point += np.array(helmet.shell.center)
-    foam = foam_rows(density, liner.energy_returned)
+    foam = liner_rows(liner, density)
     return Columns(point, normal, area, thickness, radius, foam)
+
+
+def liner_rows(liner: Liner, density: FloatArray) -> FloatArray:
+    """Constants of a liner's foam at each density of its outer layer, (n,) [kg/m^3]; a row each."""
+    returned, inner = liner.energy_returned, liner.inner
+
+    def rows(densities: FloatArray) -> FloatArray:
+        if liner.foam is None:
+            return foam_rows(densities, returned)
+        return rows_of(load_foam(liner.foam), densities, returned)
+
+    outer = rows(density)
+    if inner.density is None:
+        return outer
+    return in_series(outer, rows(np.array([inner.density]))[0], inner.share)
 
 
 def zoned(liner: Liner, normal: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Thickness [m] and density [kg/m^3] at each normal; zones blend with its squares."""
-    thickness, density = np.zeros(len(normal)), np.zeros(len(normal))
-    for axis, (negative, positive) in enumerate(
-        (("back", "front"), ("side", "side"), ("top", "top"))
-    ):
-        weight = normal[:, axis] ** 2
-        for zone, here in ((negative, normal[:, axis] < 0.0), (positive, normal[:, axis] >= 0.0)):
-            thickness += np.where(here, weight * liner.zone_thickness(zone), 0.0)
-            density += np.where(here, weight * liner.zone_density(zone), 0.0)
-    return thickness, density
+    weight = zone_weights(normal)
+    thickness: FloatArray = weight @ np.array([liner.zone_thickness(zone) for zone in ZONES])
+    return thickness, zone_densities(liner, weight)
+
+
+def zone_densities(liner: Liner, weight: FloatArray) -> FloatArray:
+    """Density of the outer layer where zones have these shares, (n, 4); (n,) [kg/m^3]."""
+    density: FloatArray = weight @ np.array([liner.zone_density(zone) for zone in ZONES])
+    return density
+
+
+def zone_weights(normal: FloatArray) -> FloatArray:
+    """Share of the zones front, back, side and top at each normal (n, 3): its squares, (n, 4)."""
+    x, y, z = (normal**2).T
+    front = normal[:, 0] >= 0.0
+    return np.column_stack([np.where(front, x, 0.0), np.where(front, 0.0, x), y, z])

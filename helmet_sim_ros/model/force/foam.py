@@ -9,6 +9,9 @@ helmet liners by Mills, Polymer Foams Handbook, 2007, ch. 16)::
 with p0 the atmospheric pressure and r = density / 1050 kg/m^3 the relative density of EPS.
 Yield stress and modulus follow powers of the density. Unloading from the largest strain is a
 straight line that returns a stated share of the loading energy; the rest of the strain stays.
+
+A foam that was tested has a table of its loading path instead, in the same row behind the
+constants: stresses at equally spaced strains, and the energies up to them.
 """
 
 from __future__ import annotations
@@ -19,6 +22,7 @@ import numpy as np
 
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.model.compiled import compiled
+from helmet_sim_ros.model.foams import POINTS, Foam
 
 SOLID_DENSITY = 1050.0  # kg/m^3, polystyrene (Gibson & Ashby, table 3.1)
 GAS_PRESSURE = 101_325.0  # Pa, cell gas at the start
@@ -34,6 +38,7 @@ LINEAR_FROM = 0.95
 #: Columns of a foam row: yield stress [Pa], modulus [Pa], gas pressure [Pa], densification strain
 #: [-], share of the energy returned [-].
 YIELD, MODULUS, GAS, LIMIT, RETURNED = range(5)
+CONSTANTS = 5
 
 
 def foam_row(density: float, energy_returned: float) -> FloatArray:
@@ -54,17 +59,126 @@ def foam_rows(density: FloatArray, energy_returned: float) -> FloatArray:
     return rows
 
 
+def rows_of(foam: Foam, density: FloatArray, energy_returned: float) -> FloatArray:
+    """Constants of a foam at each density, shape (n,) [kg/m^3]; (n, 5), with its table (n, 133)."""
+
+    def or_eps(value: float | None, of_eps: float) -> float:
+        return of_eps if value is None else value
+
+    scale = (density / foam.density) ** or_eps(foam.yield_exponent, YIELD_EXPONENT)
+    yielding = or_eps(foam.yield_stress, YIELD_AT_40)
+    if foam.stress is not None and foam.limit is not None:
+        table, limit = np.array(foam.stress), foam.limit
+        scales, which = np.unique(scale, return_inverse=True)
+        made = [table_row(s * table, limit, s * yielding, energy_returned) for s in scales]
+        return np.array(made)[which]
+    rows = np.empty((len(density), CONSTANTS))
+    rows[:, YIELD] = yielding * scale
+    rows[:, MODULUS] = or_eps(foam.modulus, MODULUS_AT_40) * scale
+    rows[:, GAS] = or_eps(foam.gas_pressure, GAS_PRESSURE)
+    rows[:, LIMIT] = 1.0 - density / or_eps(foam.solid_density, SOLID_DENSITY)
+    rows[:, RETURNED] = energy_returned
+    return rows
+
+
+def table_row(
+    stress: FloatArray, limit: float, yield_stress: float, energy_returned: float
+) -> FloatArray:
+    """Constants and table of a tested foam, shape (5 + 2 ``POINTS``,).
+
+    Args:
+        stress: at ``POINTS`` equally spaced strains from 0 to ``limit``, rising [Pa].
+        limit: the last strain.
+        yield_stress: of the plateau [Pa].
+        energy_returned: share of the loading energy that unloading gives back.
+    """
+    spacing = limit / (POINTS - 1)
+    energy = np.concatenate([[0.0], np.cumsum(0.5 * spacing * (stress[1:] + stress[:-1]))])
+    modulus = float(np.max(np.diff(stress)[: POINTS // 4]) / spacing)
+    constants = np.array([yield_stress, modulus, 0.0, limit, energy_returned])
+    return np.concatenate([constants, stress, energy])
+
+
+def in_series(outer: FloatArray, inner: FloatArray, share: float) -> FloatArray:
+    """Tables of two layers on each other, which bear the same stress while their strains add.
+
+    Args:
+        outer: a row for each column, (n, 5) or (n, 133).
+        inner: of the inner layer, (5,) or (133,).
+        share: of the thickness that is the inner layer.
+
+    Returns:
+        rows with tables, (n, 133).
+    """
+    inner_strain, inner_stress = _path(inner)
+    made: dict[bytes, FloatArray] = {}
+    for row in outer:
+        key = row.tobytes()
+        if key in made:
+            continue
+        strain, stress = _path(row)
+        common = np.union1d(stress, inner_stress)
+        common = common[common <= min(stress[-1], inner_stress[-1])]
+        both = (1.0 - share) * np.interp(common, stress, strain)
+        both += share * np.interp(common, inner_stress, inner_strain)
+        limit = float(both[-1])
+        table = np.interp(np.linspace(0.0, limit, POINTS), both, common)
+        softer = min(float(row[YIELD]), float(inner[YIELD]))
+        made[key] = table_row(table, limit, softer, float(row[RETURNED]))
+    return np.array([made[row.tobytes()] for row in outer])
+
+
+def _path(row: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The loading path of a row as points, strains and stresses; the yield point is one of them."""
+    strain = np.linspace(0.0, LINEAR_FROM * row[LIMIT], 400)
+    if len(row) == CONSTANTS:
+        strain = np.union1d(strain, [row[YIELD] / row[MODULUS]])
+    return strain, np.array([loading_stress(e, row) for e in strain])
+
+
 def bottoming_strain(foam: FloatArray) -> float:
     """Strain at which compressed gas and touching walls have doubled the yield stress.
 
     From there the liner stiffens steeply: an impact that goes beyond has bottomed it out.
     """
+    if len(foam) > CONSTANTS:
+        stress = foam[CONSTANTS : CONSTANTS + POINTS]
+        return float(np.interp(2.0 * foam[YIELD], stress, np.linspace(0.0, foam[LIMIT], POINTS)))
     return float(foam[LIMIT] * foam[YIELD] / (foam[GAS] + foam[YIELD]))
+
+
+@compiled
+def place_in_table(strain: float, limit: float) -> tuple[int, float, float]:
+    """Interval of a table that holds a strain (the last one: all beyond), the way into it, and
+    the spacing."""
+    spacing = limit / (POINTS - 1)
+    i = min(max(int(strain / spacing), 0), POINTS - 2)
+    return i, strain - i * spacing, spacing
+
+
+@compiled
+def table_stress(strain: float, foam: FloatArray) -> float:
+    """:func:`loading_stress` of a row with a table."""
+    i, way, spacing = place_in_table(strain, foam[LIMIT])
+    start = foam[CONSTANTS + i]
+    stress: float = start + (foam[CONSTANTS + i + 1] - start) * (way / spacing)
+    return stress
+
+
+@compiled
+def table_energy(strain: float, foam: FloatArray) -> float:
+    """Energy per volume [J/m^3] from strain 0 on the loading path of a row with a table."""
+    i, way, _ = place_in_table(strain, foam[LIMIT])
+    mean = 0.5 * (foam[CONSTANTS + i] + table_stress(strain, foam))
+    energy: float = foam[CONSTANTS + POINTS + i] + way * mean
+    return energy
 
 
 @compiled
 def loading_stress(strain: float, foam: FloatArray) -> float:
     """Stress [Pa] on the loading path."""
+    if len(foam) > CONSTANTS:
+        return table_stress(strain, foam)
     edge = LINEAR_FROM * foam[LIMIT]
     e = min(strain, edge)
     stress: float = min(foam[MODULUS] * e, foam[YIELD]) + foam[GAS] * e / (foam[LIMIT] - e)
@@ -78,6 +192,8 @@ def loading_stress(strain: float, foam: FloatArray) -> float:
 def energy_between(low: float, high: float, foam: FloatArray) -> float:
     """Energy per volume [J/m^3] on the loading path from one strain to a higher one, the integral
     of :func:`loading_stress`."""
+    if len(foam) > CONSTANTS:
+        return table_energy(high, foam) - table_energy(low, foam)
     edge = LINEAR_FROM * foam[LIMIT]
     start, end = min(low, edge), min(high, edge)
     at_yield = foam[YIELD] / foam[MODULUS]

@@ -46,7 +46,7 @@ from helmet_sim_ros.model.force.vector import (
     turned,
     turned_back,
 )
-from helmet_sim_ros.model.helmet import Shell
+from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.surface.compiled import HALF_SPACE, Surface
 from helmet_sim_ros.model.surface.deepest import deepest_point
 from helmet_sim_ros.model.surface.shapes import nearest, signed_distance
@@ -82,6 +82,7 @@ class CrushingLiner(NamedTuple):
         columns: constants.
         helmet: MuJoCo's index of the helmet body.
         center, semi_axes: of the shell's ellipsoid, helmet frame [m].
+        measured: whether the columns are a measured surface, not that of the ellipsoid.
         direction: to the deepest point of the shell on each shape, (shapes, 3); state, from which
             the next search starts.
         largest: largest strain so far, (n,); state.
@@ -94,6 +95,7 @@ class CrushingLiner(NamedTuple):
     helmet: int
     center: Vec
     semi_axes: Vec
+    measured: bool
     direction: FloatArray
     largest: FloatArray
     rest: FloatArray
@@ -102,15 +104,16 @@ class CrushingLiner(NamedTuple):
 
 
 def crushing_liner(
-    columns: Columns, shell: Shell, helmet: int, shapes: int, largest: FloatArray
+    columns: Columns, config: Helmet, helmet: int, shapes: int, largest: FloatArray
 ) -> CrushingLiner:
     """A liner whose columns have seen the given strains, (n,), against that many shapes."""
+    shell, measured = config.shell, config.geometry is not None
     n = len(columns.area)
     near = Near(
         np.zeros(n + 1, dtype=np.int64), np.zeros(n), np.full(3, np.inf), np.full(9, np.inf)
     )
     return CrushingLiner(
-        columns, helmet, shell.center, shell.semi_axes, np.zeros((shapes, 3)), largest,
+        columns, helmet, shell.center, shell.semi_axes, measured, np.zeros((shapes, 3)), largest,
         np.full(n, -1.0), np.zeros((n, 4)), near,
     )  # fmt: skip
 
@@ -322,15 +325,40 @@ def crush(liner: CrushingLiner, surface: Surface, motion: Motion, deepest: Float
     Args:
         deepest: the depth [m], 0 without contact, times the outward normal, (3,); written.
     """
-    cx, cy, cz = world_point(rigid(motion, liner.helmet), liner.center)
-    ax, ay, az = liner.semi_axes
     most = 0.0
     deepest[:] = 0.0
+    if liner.measured:
+        deepest_column(liner, surface, motion, deepest)
+        return
+    cx, cy, cz = world_point(rigid(motion, liner.helmet), liner.center)
+    ax, ay, az = liner.semi_axes
     for k in range(len(surface.kind)):
         depth, _, _, _, nx, ny, nz = deepest_point(
             surface, k, cx, cy, cz, motion.rotation[liner.helmet], ax, ay, az,
             liner.direction[k],
         )  # fmt: skip
+        if depth > most:
+            most = depth
+            deepest[0], deepest[1], deepest[2] = depth * nx, depth * ny, depth * nz
+
+
+@compiled
+def deepest_column(
+    liner: CrushingLiner, surface: Surface, motion: Motion, deepest: FloatArray
+) -> None:
+    """:func:`crush` of a measured surface: how deep its lowest column reaches."""
+    helmet = rigid(motion, liner.helmet)
+    points, normals, radii = liner.columns.point, liner.columns.normal, liner.columns.radius
+    listed = liner.near.index
+    most = 0.0
+    for n in range(listed[-1]):
+        i = listed[n]
+        x, y, z = world_point(helmet, row(points, i))
+        _, distance, nx, ny, nz, _ = nearest(surface, x, y, z)
+        cosine = -dot((nx, ny, nz), turned(helmet.rotation, row(normals, i)))
+        if cosine <= 0.0:
+            continue
+        depth = radii[i] * max(0.0, 1.0 - cosine * cosine) ** 0.5 - distance
         if depth > most:
             most = depth
             deepest[0], deepest[1], deepest[2] = depth * nx, depth * ny, depth * nz

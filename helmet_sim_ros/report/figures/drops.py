@@ -10,9 +10,29 @@ from matplotlib.figure import Figure
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.model.identified import SIDES
 from helmet_sim_ros.study.identification.fit import Identification
+from helmet_sim_ros.study.identification.history_fit import HistoryFit
 
 SPEED_COLORS = ("#1b6ca8", "#3a9d5d", "#d98c1f", "#c0392b", "#7d3c98", "#566573")
 Loop = tuple[str, float, FloatArray, FloatArray]  # side, speed, compression [m], force [N]
+
+
+def histories_figure(result: HistoryFit) -> Figure:
+    """Measured and fitted history of each drop, and what is left between them."""
+    figure = Figure(figsize=(8.0, 2.4 * len(result.drops)), layout="constrained")
+    axes = figure.subplots(len(result.drops), 2, squeeze=False, sharex="row")
+    for (curves, rest), drop, fitted in zip(axes, result.drops, result.simulated, strict=True):
+        time = 1e3 * drop.time
+        curves.plot(time, drop.acceleration, "k-", lw=1, label="measured")
+        curves.plot(time, fitted, color="#c0392b", lw=1, label="fitted")
+        curves.set(title=f"{drop.source}: {drop.direction}, {drop.speed:g} m/s", ylabel="[g]")
+        rest.plot(time, fitted - drop.acceleration, color="#1b6ca8", lw=1)
+        rest.set(title="fitted less measured", ylabel="[g]")
+        for ax in (curves, rest):
+            ax.grid(alpha=0.3)
+    for ax in axes[-1]:
+        ax.set_xlabel("time [ms]")
+    axes[0, 0].legend(fontsize=8)
+    return figure
 
 
 def identification_figure(result: Identification, loops: Sequence[Loop] = ()) -> Figure:

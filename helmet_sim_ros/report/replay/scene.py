@@ -9,6 +9,12 @@ from helmet_sim_ros.errors import LogError, SetupError
 from helmet_sim_ros.model.scene import Scene
 from helmet_sim_ros.model.setup import setup_from_log
 
+#: What of a setup names a file, or belongs to its content.
+FILES = (
+    "helmet.name", "helmet.geometry", "helmet.liner.columns", "helmet.liner.foam",
+    "helmet.liner.foam_digest",
+)  # fmt: skip
+
 
 def scene_of(record: ImpactRecord) -> Scene:
     """The scene of a record, also where its helmet file is not on this machine.
@@ -22,7 +28,9 @@ def scene_of(record: ImpactRecord) -> Scene:
             setup, notes = setup_from_log(values)
         except SetupError:
             # A log carries every value of its helmet, so any helmet can stand in for the file.
-            values.pop("helmet.name", None)
+            # Its files of geometry and foam may be gone too: the shell's ellipsoid is shown.
+            for name in FILES:
+                values.pop(name, None)
             setup, notes = setup_from_log(values)
         scene = Scene(setup)
         scene.pose(record, 0)

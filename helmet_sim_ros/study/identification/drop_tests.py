@@ -12,7 +12,8 @@ from helmet_sim_ros.biomech.evaluation import evaluate
 from helmet_sim_ros.biomech.record import FloatArray, ImpactRecord
 from helmet_sim_ros.errors import SetupError
 from helmet_sim_ros.model.force import fit
-from helmet_sim_ros.model.force.foam import bottoming_strain, foam_row
+from helmet_sim_ros.model.force.columns import liner_rows
+from helmet_sim_ros.model.force.foam import bottoming_strain
 from helmet_sim_ros.model.head_surface import HeadSurface
 from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.identified import SIDES
@@ -138,7 +139,7 @@ def measure(record: ImpactRecord, setup: ImpactSetup) -> DropTest:
     """The peaks of a recorded drop."""
     force, compression = record.ground_force[:, 2], approach(record)
     zone, liner = ZONES[setup.direction], setup.helmet_config.liner
-    limit = bottoming_strain(foam_row(liner.zone_density(zone), liner.energy_returned))
+    limit = bottoming_strain(liner_rows(liner, np.array([liner.zone_density(zone)]))[0])
     strain = _crush(record, setup, zone) / liner.zone_thickness(zone)
     result = evaluate(record)
     return DropTest(

@@ -96,9 +96,9 @@ def identify(tests: Sequence[DropTest], base: Helmet) -> Identification:
     return Identification(fits, energy_loss, helmet, notes)
 
 
-def write_helmet(result: Identification, path: Path, description: str) -> None:
-    """Write the identified helmet as a YAML file for ``helmet=PATH``."""
-    data = result.helmet.model_copy(update={"description": description}).model_dump(mode="json")
+def write_helmet(helmet: Helmet, path: Path, description: str) -> None:
+    """Write an identified helmet as a YAML file for ``helmet=PATH``."""
+    data = helmet.model_copy(update={"description": description}).model_dump(mode="json")
     path.write_text(yaml.safe_dump(data, sort_keys=False, allow_unicode=True), encoding="utf-8")
 
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.errors import SetupError
-from helmet_sim_ros.model.force.columns import Columns, columns, zoned
+from helmet_sim_ros.model.force.columns import Columns, columns, mean_densities
 from helmet_sim_ros.model.helmet import Helmet, Shell
 from helmet_sim_ros.schema import Config, quantity
 
@@ -115,8 +115,7 @@ def liner_mass(helmet: Helmet, rules: DesignRules) -> float:
     """
     cells, covered = _cells(helmet, rules)
     mean, gaussian = _curvatures(helmet.shell, cells)
-    thickness, density = zoned(helmet.liner, cells.normal)
-    t = thickness
+    t, density = cells.thickness, mean_densities(helmet, cells)
     volume = cells.area * (t - mean * t**2 + gaussian * t**3 / 3.0)
     return float(np.sum((density * volume)[covered]))
 
@@ -130,6 +129,9 @@ def shell_area(helmet: Helmet, rules: DesignRules) -> float:
 @lru_cache(maxsize=8)
 def _cells(helmet: Helmet, rules: DesignRules) -> tuple[Columns, NDArray[np.bool_]]:
     """The columns' geometry, and which of them are covered."""
+    if helmet.geometry is not None:  # it has no cells where the helmet is open
+        cells = columns(helmet)
+        return cells, np.ones(len(cells.area), dtype=bool)
     fine = columns(helmet.replaced({"liner.columns": MASS_COLUMNS}))
     return fine, fine.normal[:, 2] > rules.lowest_normal
 

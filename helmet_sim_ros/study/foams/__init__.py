@@ -1,0 +1,1 @@
+"""Foams from a laboratory's compression tests."""

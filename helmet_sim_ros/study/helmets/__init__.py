@@ -1,0 +1,1 @@
+"""Helmets that users bring: from meshes of shell and liner to a helmet file."""

@@ -1,0 +1,1 @@
+"""From a crashed helmet back to its crash."""

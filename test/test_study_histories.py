@@ -1,0 +1,154 @@
+"""Helmets fitted to measured acceleration histories, synthetic ones with a known truth."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from helmet_sim_ros.biomech.pulse import STANDARD_GRAVITY
+from helmet_sim_ros.biomech.record import FloatArray
+from helmet_sim_ros.cli import main
+from helmet_sim_ros.errors import SetupError
+from helmet_sim_ros.model.impact import simulate
+from helmet_sim_ros.model.setup import ImpactSetup
+from helmet_sim_ros.study.identification.histories import read_histories, read_history
+from helmet_sim_ros.study.identification.history_fit import fit_histories
+
+TRUTH = {"helmet.liner.density": 72.0, "helmet.liner.energy_returned": 0.12}
+
+
+def measured(direction: str, speed: float, coupling: str = "foam") -> tuple[FloatArray, FloatArray]:
+    """A drop of the helmet that is to be found again: time [s] and resultant [g]."""
+    truth = TRUTH if coupling == "foam" else {
+        "helmet.spring.front.A": 30e3, "helmet.spring.front.B": 12.0}  # fmt: skip
+    setup = ImpactSetup(
+        rig="headform", direction=direction, normal_velocity=speed, duration=0.025,
+        overrides={**truth, "helmet.coupling": coupling},
+    )  # fmt: skip
+    record = simulate(setup)
+    return record.time, np.linalg.norm(record.head_acceleration, axis=1) / STANDARD_GRAVITY
+
+
+def laboratory(
+    folder: Path, tests: list[tuple[str, float]], noise: float = 1.0, coupling: str = "foam"
+) -> Path:
+    """A table that lists one CSV file per test, triggered at other times, with noise [g]."""
+    random = np.random.default_rng(0)
+    lines = ["file;direction;speed [m/s]"]
+    for n, (direction, speed) in enumerate(tests):
+        time, amount = measured(direction, speed, coupling)
+        amount = np.interp(time, time + 1.5e-3 * n, amount, left=0.0)
+        amount = np.abs(amount + noise * random.standard_normal(len(amount)))
+        text = "time [ms];resultant [g]\n" + "".join(
+            f"{1e3 * t:.3f};{a:.4f}\n" for t, a in zip(time, amount, strict=True)
+        )
+        (folder / f"test{n}.csv").write_text(text.replace(".", ","))
+        lines.append(f"test{n}.csv;{direction};{speed}")
+    (folder / "tests.csv").write_text("\n".join(lines))
+    return folder / "tests.csv"
+
+
+def test_density_and_energy_returned_are_found_again(tmp_path: Path) -> None:
+    table = laboratory(tmp_path, [("front", 5.0), ("left", 7.0)])
+    fit = fit_histories(read_histories(table), "fullface")
+    density, returned = fit.parameters
+    assert density.value == pytest.approx(72.0, rel=0.02)
+    assert density.low <= 72.0 <= density.high or density.value == pytest.approx(72.0, rel=0.005)
+    assert returned.value == pytest.approx(0.12, rel=0.25)
+    assert fit.rank == 2 and not density.open
+    assert max(fit.error) < 0.03
+
+
+def test_what_a_drop_cannot_show_is_called_open(tmp_path: Path) -> None:
+    """A blow on the front tells nothing of the foam at the back."""
+    table = laboratory(tmp_path, [("front", 6.0)])
+    names = ("liner.density", "liner.back.thickness")
+    base = tmp_path / "base.yaml"
+    from helmet_sim_ros.model.helmet import load_helmet
+    from helmet_sim_ros.study.identification.fit import write_helmet
+
+    helmet = load_helmet("fullface").replaced({"liner.back.thickness": 0.04})
+    write_helmet(helmet, base, "with a zone")
+    fit = fit_histories(read_histories(table), str(base), names)
+    assert fit.rank == 1
+    assert [p.open for p in fit.parameters] == [False, True]
+    assert any("do not tell liner.back.thickness" in note for note in fit.notes)
+
+
+def test_a_springs_law_is_found_from_two_speeds(tmp_path: Path) -> None:
+    table = laboratory(tmp_path, [("front", 4.0), ("front", 7.5)], coupling="spring")
+    names = ("spring.front.A", "spring.front.B")
+    fit = fit_histories(read_histories(table), "fullface", names, coupling="spring")
+    a, b = fit.parameters
+    assert a.value * b.value == pytest.approx(30e3 * 12.0, rel=0.05)
+
+
+def test_the_command_shows_the_fit_and_writes_the_helmet(tmp_path: Path) -> None:
+    table = laboratory(tmp_path, [("front", 6.0)])
+    out, plot = tmp_path / "fitted.yaml", tmp_path / "fit.svg"
+    result = CliRunner().invoke(
+        main, ["identify", str(table), "--output", str(out), "--plot", str(plot)],
+    )  # fmt: skip
+    assert result.exit_code == 0, result.output
+    assert "liner.density" in result.output and "2 of 2 combinations" in result.output
+    setup = ImpactSetup(helmet=str(out))
+    assert setup.helmet_config.liner.density == pytest.approx(72.0, rel=0.05)
+    assert plot.stat().st_size > 1000
+
+
+def test_histories_in_isomme_are_read(tmp_path: Path) -> None:
+    channel = tmp_path / "T1" / "Channel"
+    channel.mkdir(parents=True)
+    time, amount = measured("front", 6.0)
+    lines = [
+        "Channel code                :D0HEADCG00HEACR0", "Unit                        :m/(s*s)",
+        f"Sampling interval           :{time[1] - time[0]}",
+        "Time of first sample        :0.0", f"Number of samples           :{len(time)}",
+    ]  # fmt: skip
+    text = "\r\n".join([*lines, *(f"{a * STANDARD_GRAVITY}" for a in amount)])
+    (channel / "T1.001").write_text(text)
+    read_time, read = read_history(tmp_path / "T1")
+    assert read_time == pytest.approx(time) and read == pytest.approx(amount)
+    (channel / "T1.001").write_text("\r\n".join(text.splitlines()[:-5]))
+    with pytest.raises(SetupError, match="truncated"):
+        read_history(tmp_path / "T1")
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("time [ms];acceleration [g]\n" + "0;1\n" * 40, "must rise"),
+        ("time [ms];acceleration [g]\n1;5\n2;nan\n", "row 3"),
+        ("time;acceleration [g]\n1;5\n2;6\n", "no unit"),
+        ("time [ms];force [N]\n1;5\n2;6\n", "must have a column acceleration"),
+        ("time [ms];acceleration [g]\n1;5\n2;6\n", "has 2 samples"),
+        ("time [s];acceleration [g]\n" + "".join(f"{t};{t}\n" for t in range(40)), "in ms"),
+        ("time [ms];acceleration [g]\n" + "".join(f"{t};{100 * t}\n" for t in range(40)), "m/s"),
+    ],
+)
+def test_what_is_no_history_is_refused_with_its_place(
+    text: str, named: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "h.csv"
+    path.write_text(text)
+    with pytest.raises(SetupError) as caught:
+        read_history(path)
+    assert named in str(caught.value)
+
+
+def test_a_list_of_tests_is_checked(tmp_path: Path) -> None:
+    table = tmp_path / "tests.csv"
+    for text, named in (
+        ("file;direction;speed [m/s]\nnothing.csv;front;6", "no such file"),
+        ("file;direction;speed\nx.csv;front;6", "no unit"),
+        ("file;direction;speed [m/s]\nx.csv;chin;6", "direction = 'chin'"),
+        ("file;direction;speed [m/s]\nx.csv;front;fast", "must be a number"),
+        ("file;direction;speed [m/s]\nx.csv;front;60", "0.5 to 15"),
+        ("file;speed [m/s]\nx.csv;6", "misses the column direction"),
+        ("file;direction;speed [m/s]\n", "lists no test"),
+    ):
+        table.write_text(text)
+        with pytest.raises(SetupError) as caught:
+            read_histories(table)
+        assert named in str(caught.value)

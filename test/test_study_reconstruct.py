@@ -1,0 +1,127 @@
+"""From residual crush to the crash: synthetic crush maps with a known truth."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from helmet_sim_ros.cli import main
+from helmet_sim_ros.errors import SetupError
+from helmet_sim_ros.model.force.columns import columns
+from helmet_sim_ros.model.impact import Impact
+from helmet_sim_ros.model.setup import ImpactSetup
+from helmet_sim_ros.study.reconstruction.crash import DURATION, scene, setup_of, site
+from helmet_sim_ros.study.reconstruction.crush_map import CrushMap, read_crush_map
+from helmet_sim_ros.study.reconstruction.posterior import UNITS, reconstruct
+
+FOAM = ImpactSetup(rig="headform", duration=DURATION, overrides={"helmet.coupling": "foam"})
+NOISE = 0.5e-3  # m
+SCANNED = 0.11  # m about the crush
+
+
+def crashed(normal: float, x: float, y: float, azimuth: float, elevation: float) -> ImpactSetup:
+    return FOAM.replaced(  # type: ignore[no-any-return]
+        {
+            "normal_velocity": normal,
+            "tangential_velocity": float(np.hypot(x, y)),
+            "tangential_heading_deg": float(np.degrees(np.arctan2(y, x))),
+            "azimuth_deg": azimuth,
+            "elevation_deg": elevation,
+        }
+    )
+
+
+def scan(setup: ImpactSetup, seed: int) -> CrushMap:
+    """The crush map that a scan of the helmet would give."""
+    impact = Impact(setup)
+    impact.advance(impact.total)
+    cells, residual = columns(setup.helmet_config), impact.extras()["residual_crush"]
+    middle = cells.point[residual > 2e-4].mean(axis=0)
+    near = np.linalg.norm(cells.point - middle, axis=1) < SCANNED
+    noise = NOISE * np.random.default_rng(seed).standard_normal(int(near.sum()))
+    return CrushMap(cells.point[near], residual[near] + noise)
+
+
+def test_a_crash_is_found_again_with_its_uncertainty() -> None:
+    """A blow that slides; how often truths lie in the intervals counts bench_reconstruction.py."""
+    result = reconstruct(scan(crashed(5.5, 3.0, -4.0, 75.0, 30.0), 1), FOAM, NOISE)
+    angle = float(np.degrees(np.arctan2(5.5, 5.0)))
+    truth = {"normal_velocity": 5.5, "tangential_velocity": 5.0, "speed": np.hypot(5.5, 5.0),
+             "angle": angle, "azimuth": 75.0, "elevation": 30.0}  # fmt: skip
+    assert truth.keys() == UNITS.keys()
+    for name, value in truth.items():
+        low, _, high = result.interval(name, 0.99)
+        assert low <= value <= high, (name, value, low, high)
+    low, _, high = result.interval("normal_velocity")
+    assert high - low < 0.5
+    assert 0.8 < result.misfit < 1.2
+    assert result.emulator_error < 0.2 * NOISE
+
+
+def test_a_few_depths_tell_less_than_a_map() -> None:
+    whole = scan(crashed(6.0, 0.0, 0.0, 180.0, 20.0), 2)
+    deepest = np.argsort(-whole.depth)[:4]
+    few = reconstruct(CrushMap(whole.place[deepest], whole.depth[deepest]), FOAM, NOISE)
+    map_ = reconstruct(whole, FOAM, NOISE)
+    for name in ("normal_velocity", "azimuth"):
+        assert few.told[name] > 1.5 * map_.told[name]
+    low, _, high = few.interval("normal_velocity", 0.99)
+    assert low <= 6.0 <= high
+
+
+def test_a_map_of_another_helmet_is_not_explained() -> None:
+    other = crashed(6.0, 0.0, 0.0, 90.0, 20.0)
+    overrides = {**other.overrides, "helmet.liner.thickness": 0.025}
+    thin = scan(other.replaced({"overrides": overrides}), 3)
+    wavy = thin.depth + 4e-3 * np.sin(200.0 * thin.place[:, 2])
+    result = reconstruct(CrushMap(thin.place, wavy), FOAM, NOISE)
+    assert result.misfit > 2.0 and any("misses the map" in note for note in result.notes)
+
+
+def test_places_about_the_scene_turn_by_their_angles() -> None:
+    about = scene(FOAM, np.array([0.0, 1.0, 0.0]), 10.0, 8.0)
+    azimuth, elevation = site(about, np.radians([0.0, 10.0, 0.0]), np.radians([0.0, 0.0, 10.0]))
+    assert azimuth == pytest.approx([90.0, 100.0, 90.0])
+    assert elevation == pytest.approx([0.0, 0.0, 10.0])
+    setup = setup_of(about, np.array([5.0, 3.0, 4.0, 0.0, 0.0]))
+    assert (setup.normal_velocity, setup.tangential_velocity) == pytest.approx((5.0, 5.0))
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("x [mm];y [mm];z [mm]\n150;0;0", "no column named depth"),
+        ("x [mm];y [mm];depth [mm]\n150;0;5", "must have the columns"),
+        ("x [mm];y [mm];z [mm];depth\n150;0;0;5", "no unit"),
+        ("x [mm];y [mm];z [mm];depth [mm]\n150;0;0;500", "row 2"),
+        ("x [m];y [m];z [m];depth [mm]\n0.150;0;0;5\n150;0;0;5", "row 3"),
+        ("x [mm];y [mm];z [mm];depth [mm]\n150;0;0;nan", "row 2"),
+        ("x [mm];y [mm];z [mm];depth [mm]\n150;0;0;0", "nothing was crushed"),
+    ],
+)
+def test_what_is_no_crush_map_is_refused_with_its_place(
+    text: str, named: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "crush.csv"
+    path.write_text(text)
+    with pytest.raises(SetupError) as caught:
+        read_crush_map(path, columns(FOAM.helmet_config))
+    assert named in str(caught.value)
+
+
+def test_the_command_shows_the_intervals_and_writes_the_sample(tmp_path: Path) -> None:
+    crush = scan(crashed(5.0, 0.0, 2.0, 0.0, 45.0), 4)
+    lines = ["x [mm];y [mm];z [mm];depth [mm]"]
+    rows = np.column_stack([1e3 * crush.place, 1e3 * crush.depth])
+    lines += [";".join(f"{value:.4f}".replace(".", ",") for value in row) for row in rows]
+    (tmp_path / "crush.csv").write_text("\n".join(lines))
+    result = CliRunner().invoke(
+        main, ["reconstruct", "fullface", "--residual", str(tmp_path / "crush.csv"),
+               "--samples", str(tmp_path / "sample.csv")],
+    )  # fmt: skip
+    assert result.exit_code == 0, result.output
+    assert "normal velocity" in result.output and "simulations" in result.output
+    sample = np.genfromtxt(tmp_path / "sample.csv", delimiter=",", skip_header=1)
+    assert sample.shape[1] == len(UNITS)
+    assert sample[:, 0].mean() == pytest.approx(5.0, abs=0.3)
