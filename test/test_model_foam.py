@@ -240,7 +240,7 @@ def nothing_yet() -> Loads:
 def fresh_liner(shapes: int = 1) -> CrushingLiner:
     helmet = load_helmet("fullface")
     table = columns(helmet)
-    return crushing_liner(table, helmet.shell, 0, shapes, np.zeros(len(table.area)))
+    return crushing_liner(table, helmet, 0, shapes, np.zeros(len(table.area)))
 
 
 @pytest.mark.parametrize("name", ["ground", "kerbstone", "hemisphere"])

@@ -162,7 +162,13 @@ class Liner(Config):
     def _tell_digest(cls, data: Any) -> Any:
         if not isinstance(data, Mapping) or not isinstance(data.get("foam"), str):
             return data
-        digest, told = foam_digest(data["foam"]), data.get("foam_digest")
+        try:
+            digest, told = foam_digest(data["foam"]), data.get("foam_digest")
+            load_foam(data["foam"])
+        except SetupError as error:  # the file's own keys say nothing to who named it here
+            named = error.problems[0].key == "foam"
+            why = error.problems[0].allowed if named else str(error)
+            raise SetupError.of("foam", data["foam"], why) from None
         if told not in (None, digest):
             raise SetupError.of(
                 "foam_digest", told, f"the file of {data['foam']} is another one now, {digest}"
