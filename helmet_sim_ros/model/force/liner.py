@@ -349,7 +349,7 @@ def deepest_column(
     """:func:`crush` of a measured surface: how deep its lowest column reaches."""
     helmet = rigid(motion, liner.helmet)
     points, normals, radii = liner.columns.point, liner.columns.normal, liner.columns.radius
-    listed = liner.near.index
+    listed = liner.near.listed
     most = 0.0
     for n in range(listed[-1]):
         i = listed[n]
