@@ -14,6 +14,7 @@ import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from importlib import import_module
+from pathlib import Path
 from types import FrameType, TracebackType
 
 import rclpy
@@ -58,13 +59,13 @@ class _Composition:
         try:
             rclpy.init(args=list(arguments), signal_handler_options=SignalHandlerOptions.NO)
             self._executor = SingleThreadedExecutor()
-            paths: list[str] = []
+            paths: list[Path] = []
             for name in NAMES:
                 module = import_module(f"helmet_sim_ros.nodes.{name}_node")
                 node = getattr(module, f"{name.capitalize()}Node")()
                 self.nodes.append(node)
                 self._executor.add_node(node)
-                paths += node.get_parameter(CONFIG_PATHS.name).value or ()
+                paths += map(Path, node.get_parameter(CONFIG_PATHS.name).value or ())
             restrict_reach(paths)
         except SetupError as error:
             raise NodeRefused(f"the {name} node: {error}") from error

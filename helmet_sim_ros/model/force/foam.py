@@ -29,8 +29,8 @@ GAS_PRESSURE = 101_325.0  # Pa, cell gas at the start
 #: Dynamic yield stress [Pa] at 40 kg/m^3 and exponent of density: through 0.30-0.45 MPa at 40,
 #: 0.60-0.70 at 62 and 0.90 at 80 kg/m^3 (general literature values).
 YIELD_AT_40 = 0.42e6
-YIELD_EXPONENT = 1.15
-#: Young's modulus [Pa] at 40 kg/m^3: 3 % strain at yield (general literature value).
+YIELD_EXPONENT = 1.10
+#: Young's modulus [Pa] at 40 kg/m^3: 3.5 % strain at yield (general literature value: 3 to 5 %).
 MODULUS_AT_40 = 12.0e6
 #: Share of the densification strain 1 - r beyond which the law goes on as a straight line.
 LINEAR_FROM = 0.95
