@@ -63,17 +63,17 @@ def test_density_and_energy_returned_are_found_again(tmp_path: Path) -> None:
 def test_what_a_drop_cannot_show_is_called_open(tmp_path: Path) -> None:
     """A blow on the front tells nothing of the foam at the back."""
     table = laboratory(tmp_path, [("front", 6.0)])
-    names = ("liner.density", "liner.back.thickness")
+    names = ("liner.density", "liner.back.density")
     base = tmp_path / "base.yaml"
     from helmet_sim_ros.model.helmet import load_helmet
     from helmet_sim_ros.study.identification.fit import write_helmet
 
-    helmet = load_helmet("fullface").replaced({"liner.back.thickness": 0.04})
+    helmet = load_helmet("fullface").replaced({"liner.back.density": 50.0})
     write_helmet(helmet, base, "with a zone")
     fit = fit_histories(read_histories(table), str(base), names)
     assert fit.rank == 1
     assert [p.open for p in fit.parameters] == [False, True]
-    assert any("do not tell liner.back.thickness" in note for note in fit.notes)
+    assert any("do not tell liner.back.density" in note for note in fit.notes)
 
 
 def test_a_springs_law_is_found_from_two_speeds(tmp_path: Path) -> None:

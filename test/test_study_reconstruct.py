@@ -71,9 +71,9 @@ def test_a_few_depths_tell_less_than_a_map() -> None:
 
 
 def test_a_map_of_another_helmet_is_not_explained() -> None:
-    other = crashed(6.0, 0.0, 0.0, 90.0, 20.0)
-    overrides = {**other.overrides, "helmet.liner.thickness": 0.025}
-    thin = scan(other.replaced({"overrides": overrides}), 3)
+    data = crashed(6.0, 0.0, 0.0, 90.0, 20.0).model_dump()
+    data["overrides"] = {**data["overrides"], "helmet.liner.thickness": 0.025}
+    thin = scan(ImpactSetup(**data), 3)
     wavy = thin.depth + 4e-3 * np.sin(200.0 * thin.place[:, 2])
     result = reconstruct(CrushMap(thin.place, wavy), FOAM, NOISE)
     assert result.misfit > 2.0 and any("misses the map" in note for note in result.notes)

@@ -142,8 +142,11 @@ def _length(key: str, text: str) -> float:
 @click.option("--density", type=float, required=True, metavar="KG/M3", help="Of what was tested.")
 @click.option("-o", "--output", type=click.Path(path_type=Path),
               help="New foam file, for liner.foam.")  # fmt: skip
-@click.option("--plot", type=click.Path(path_type=Path),
-              help="Write the curves and their fit to this file (.svg, .pdf or .png).")
+@click.option(
+    "--plot",
+    type=click.Path(path_type=Path),
+    help="Write the curves and their fit to this file (.svg, .pdf or .png).",
+)
 @click.option(
     "--rate",
     type=float,
