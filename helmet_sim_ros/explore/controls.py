@@ -159,7 +159,7 @@ def values_of(setup: ImpactSetup, changes: Mapping[str, Any]) -> dict[str, Any]:
 
 def _control(leaf: Leaf, initial: Any) -> Control:
     choices = leaf.choices or _configured(leaf)
-    if choices:
+    if choices and initial is not None:  # a menu has no entry for unset
         return Control(leaf, "menu", initial, choices)
     if leaf.type is bool:
         return Control(leaf, "switch", initial)

@@ -21,7 +21,7 @@ FOAM_ONLY = (
 #: Values without effect in any spring helmet: its shell is rigid on whatever it strikes.
 BENDING = ("shell.material.", "shell.cell")
 #: What a spring is identified from.
-LINER = ("liner.", "geometry", "shell.semi_axes", "shell.center", "shell.contact_stiffness", "mass")
+LINER = ("liner.", "geometry", "shell.semi_axes", "shell.center", "shell.contact_stiffness")
 
 
 def worn(helmet: Helmet, changes: Mapping[str, object]) -> Helmet:

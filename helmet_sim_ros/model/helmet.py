@@ -128,7 +128,7 @@ class Layer(Config):
     density: float | None = quantity(
         "density of the same foam; unset: there is one layer", "kg/m^3", None, ge=10.0, le=300.0
     )
-    share: float = quantity("share of the liner's thickness", "-", 0.5, gt=0.0, lt=1.0)
+    share: float = quantity("share of the liner's thickness", "-", 0.5, ge=0.05, le=0.95)
 
 
 class Liner(Config):
