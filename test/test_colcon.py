@@ -78,7 +78,7 @@ def test_every_executable_starts_from_the_workspace_and_ends_on_sigint(install: 
         for process in started.values():
             process.send_signal(signal.SIGINT)
         for node, process in started.items():
-            said, _ = process.communicate(timeout=30)
+            said, _ = process.communicate(timeout=240)
             assert process.returncode == 0, f"{node}: {said}"
     finally:
         for process in started.values():
