@@ -17,6 +17,7 @@ from helmet_sim_ros.biomech.record import (
 )
 from helmet_sim_ros.biomech.rotation import matrices
 from helmet_sim_ros.errors import DivergedError, PulseError
+from helmet_sim_ros.model.fall.setup import Fall
 from helmet_sim_ros.model.force.bodies import (
     BODY,
     COLUMNS,
@@ -41,16 +42,17 @@ from helmet_sim_ros.model.watch import most_energy, overloaded
 from helmet_sim_ros.model.world import build
 
 
-def simulate(setup: ImpactSetup, crush: FloatArray | None = None) -> ImpactRecord:
-    """Simulate one impact.
+def simulate(setup: ImpactSetup | Fall, crush: FloatArray | None = None) -> ImpactRecord:
+    """Simulate one impact, or a whole fall.
 
     Args:
-        setup: the impact; its ``duration`` and ``time_step`` give the number of samples.
+        setup: the impact or fall; its ``duration`` and ``time_step`` give the number of samples.
         crush: largest strain of each foam column in earlier impacts, ``extras["crush"]`` of the
             last one; unset: a new helmet.
 
     Returns:
-        Every sample of the impact, SI units, from the first touch of the ground.
+        Every sample, SI units, of an impact from the first touch of the ground;
+        :func:`head_strikes` finds in a fall what the head strikes.
 
     Raises:
         DivergedError: the state stopped being finite.
@@ -64,7 +66,7 @@ class Impact:
     """An impact that can be advanced in slices.
 
     Attributes:
-        setup: the impact setup.
+        setup: the impact setup, or the fall.
         helmet: what is worn.
         total: number of samples of the whole impact.
         labels: column names of :meth:`block`.
@@ -75,7 +77,10 @@ class Impact:
     """
 
     def __init__(
-        self, setup: ImpactSetup, crush: FloatArray | None = None, helmet: Helmet | None = None
+        self,
+        setup: ImpactSetup | Fall,
+        crush: FloatArray | None = None,
+        helmet: Helmet | None = None,
     ) -> None:
         """Args: see :func:`simulate`; ``helmet`` takes the place of the setup's."""
         self.setup = setup
@@ -111,7 +116,9 @@ class Impact:
             data.sensordata, data.M, *parts.damped_diagonal, parts.chains, data.energy,
         )  # fmt: skip
         self._clock = Clock(
-            parts.model.opt.timestep, world.substeps, *most_energy(parts.model, data, setup)
+            parts.model.opt.timestep,
+            world.substeps,
+            *most_energy(parts.model, data, setup, world.surface),
         )
         widths = (parts.model.nq, parts.model.nv, parts.model.nsensordata, 6, 3, (2, COLUMNS), 3)
         self._rows = Rows(*(np.zeros((self.total, *np.atleast_1d(w))) for w in widths))

@@ -32,6 +32,7 @@ from helmet_sim_ros.model.force.bodies import (
     add_generalised,
     clear,
 )
+from helmet_sim_ros.model.surface.carrier import carry
 from helmet_sim_ros.model.surface.compiled import Surface
 
 
@@ -237,4 +238,5 @@ def advance(
             for k in range(len(qvel)):
                 qvel[k] += step * acceleration[k]
             _integrate_pos(model, qpos.ctypes.data, qvel.ctypes.data, step)
+            carry(struck, step)
     return last

@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helmet_sim_ros.biomech.record import FloatArray
+from helmet_sim_ros.model.fall.setup import Fall
+from helmet_sim_ros.model.fall.start import start_fall
 from helmet_sim_ros.model.force.bodies import Chains, chains
 from helmet_sim_ros.model.force.columns import Columns, as_now, columns, no_columns
 from helmet_sim_ros.model.force.contact import Contact
@@ -22,12 +24,14 @@ from helmet_sim_ros.model.geometry import read_geometry
 from helmet_sim_ros.model.headform import Headform
 from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.layout import Layout
-from helmet_sim_ros.model.placement import place
+from helmet_sim_ros.model.placement import place, resume
 from helmet_sim_ros.model.rider.anthropometry import Segment, anthropometry
 from helmet_sim_ros.model.rider.body import BODY_CONTACT, add_body
 from helmet_sim_ros.model.rider.neck import cervical_spine, set_rest
+from helmet_sim_ros.model.rider.posing import Posing
 from helmet_sim_ros.model.rider.properties import Rider
 from helmet_sim_ros.model.setup import ImpactSetup
+from helmet_sim_ros.model.state import read_state
 from helmet_sim_ros.model.surface.compiled import Surface
 from helmet_sim_ros.model.surface.config import SurfaceConfig
 from helmet_sim_ros.model.surface.drawing import add_geoms
@@ -93,24 +97,32 @@ class World:
     notes: tuple[str, ...]
 
 
-def build(setup: ImpactSetup, helmet: Helmet) -> World:
-    """Compile the model of a setup and place it at the first touch of the surface."""
+def build(setup: ImpactSetup | Fall, helmet: Helmet) -> World:
+    """Compile the model of a setup and place it: at the first touch of the surface, or where a
+    fall starts."""
     steps = substeps(setup, helmet)
     parts = _parts(
         setup.rig, setup.rider, helmet, setup.resolved_neck_flexion_deg,
-        setup.gravity, setup.time_step / steps, setup.surface_config, setup.headform,
+        setup.gravity, setup.time_step / steps, setup.surface_config, setup.headform, setup.posing,
     )  # fmt: skip
-    surface = setup.surface_config.compiled(setup.friction)
+    data, notes = mujoco.MjData(parts.model), ()  # type: tuple[mujoco.MjData, tuple[str, ...]]
+    state = setup.state if isinstance(setup, ImpactSetup) else None
+    time = 0.0 if state is None else read_state(state).time
+    surface = setup.surface_config.moving(setup.friction, time)
     contact = parts.contact.fresh(len(surface.kind))
-    data = mujoco.MjData(parts.model)
-    notes = place(parts.model, data, contact, surface, setup, helmet)
+    if isinstance(setup, Fall):
+        start_fall(parts.model, data, contact, surface, setup)
+    elif state is not None:
+        resume(parts.model, data, parts.layout, surface, setup, read_state(state))
+    else:
+        notes = place(parts.model, data, contact, surface, setup, helmet)
     return World(parts, data, surface, contact, steps, notes)
 
 
 @lru_cache(maxsize=8)
 def _parts(
     rig: str, rider: Rider, helmet: Helmet, neck_flexion_deg: float, gravity: float, step: float,
-    surface: SurfaceConfig, form: Headform | None,
+    surface: SurfaceConfig, form: Headform | None, posing: Posing | None,
 ) -> Parts:  # fmt: skip
     spec = _empty_world(gravity, step)
     add_geoms(spec, surface, GROUND_COLOR)
@@ -128,6 +140,8 @@ def _parts(
     model = spec.compile()
     if rig == "rider":
         set_rest(model, math.radians(neck_flexion_deg))
+    if posing is not None:
+        posing.set(model)
     foam = helmet.coupling == "foam"
     return Parts(
         model, spec, _ellipsoids(model, helmet), columns(helmet) if foam else no_columns(),
@@ -149,7 +163,7 @@ def _damped_diagonal(model: mujoco.MjModel) -> tuple[NDArray[np.int64], FloatArr
     return diagonal.astype(np.int64), model.opt.timestep * model.dof_damping
 
 
-def substeps(setup: ImpactSetup, helmet: Helmet) -> int:
+def substeps(setup: ImpactSetup | Fall, helmet: Helmet) -> int:
     """Integration steps per sample, so that the explicit forces stay stable.
 
     The stiffest modes are those of the two light masses m on either side of the spring, whose
@@ -170,7 +184,7 @@ def substeps(setup: ImpactSetup, helmet: Helmet) -> int:
     else:
         loss = helmet.spring.energy_loss
         head = _head(setup.rider, setup.headform).mass
-        energy = 0.5 * BODY_MARGIN * (head + helmet.mass) * setup.normal_velocity**2
+        energy = 0.5 * BODY_MARGIN * (head + helmet.mass) * setup.closing_speed**2
         for scale, exponent in law_table(helmet.spring):
             depth, force = deepest(scale, exponent, energy)
             spring = unloading_exponent(exponent, depth, loss) * force

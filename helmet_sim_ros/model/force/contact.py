@@ -39,8 +39,10 @@ from helmet_sim_ros.model.force.vector import (
     matrix,
     row,
     scaled,
+    sub,
     turned,
 )
+from helmet_sim_ros.model.surface.carrier import react
 from helmet_sim_ros.model.surface.compiled import Surface
 from helmet_sim_ros.model.surface.deepest import deepest_point
 from helmet_sim_ros.model.surface.shapes import signed_distance
@@ -192,7 +194,7 @@ def press(
     contact.peak[i, k] = max(contact.peak[i, k], depth)
     depth = effective_depth(contact, i, k, depth)
     body, stiffness = contact.body[i], contact.stiffness[i]
-    velocity = velocity_at(rigid(motion, body), point)
+    velocity = sub(velocity_at(rigid(motion, body), point), row(surface.velocity, k))
     pressed = normal_force(stiffness, contact.damping[i], depth, -dot(velocity, normal))
     mu = contact.friction[i] if contact.friction[i] >= 0.0 else surface.friction[k]
     friction = friction_force(
@@ -201,5 +203,6 @@ def press(
     )  # fmt: skip
     force = add(scaled(normal, pressed), friction)
     push(motion, loads, body, point, force)
+    react(surface, k, force)
     receiver = HELMET if body == contact.helmet else BODY
     count_surface(loads, receiver, force, cross(point, force), friction)
