@@ -90,6 +90,9 @@ def balance(impact: Impact) -> Balance:
     impulse = np.vstack([np.zeros(3), np.cumsum(steps, axis=0)])
     helmet, slide = impact.helmet, impact.layout.slide
     stored = np.zeros(n)
+    if helmet.coupling == "none":
+        friction = np.linalg.norm(record.ground_friction, axis=1)
+        contact += 0.5 * friction**2 / (TANGENTIAL_SHARE * helmet.shell.contact_stiffness)
     if helmet.coupling == "spring":
         stored = recoverable_energy(
             np.array([q[slide : slide + 3] for q, _ in impact.states()]), helmet.spring

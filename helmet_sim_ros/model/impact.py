@@ -38,6 +38,7 @@ from helmet_sim_ros.model.layout import Layout
 from helmet_sim_ros.model.loop import Clock, Engine, Forces, Rows, advance
 from helmet_sim_ros.model.rider.neck import overload
 from helmet_sim_ros.model.setup import ImpactSetup
+from helmet_sim_ros.model.state import read_state
 from helmet_sim_ros.model.watch import most_energy, overloaded
 from helmet_sim_ros.model.world import build
 
@@ -111,6 +112,8 @@ class Impact:
             plate(helmet, liner),
             self.fresh_fit(),
         )
+        if isinstance(setup, ImpactSetup) and setup.state is not None and layout.slide >= 0:
+            self._forces.spring.largest[0] = float(read_state(setup.state).compressed[0])
         self._engine = Engine(
             parts.model._address, data._address, data.qacc_smooth, data.qacc, data.xfrc_applied,
             data.sensordata, data.M, *parts.damped_diagonal, parts.chains, data.energy,
@@ -189,7 +192,9 @@ class Impact:
         helmet_orientation = layout.read(sensors, "helmet_orientation")[:, [1, 2, 3, 0]]
         turn, helmet_turn = matrices(orientation), matrices(helmet_orientation)
         back = turn.transpose(0, 2, 1)
-        shift = q[:, layout.fit : layout.fit + 3]
+        shift = np.zeros((len(q), 3))
+        if layout.fit >= 0:
+            shift = q[:, layout.fit : layout.fit + 3]
         if layout.slide >= 0:
             sprung = q[:, layout.slide : layout.slide + 3]
             shift = shift + _turned(back, _turned(helmet_turn, sprung))

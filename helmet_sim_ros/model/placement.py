@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from helmet_sim_ros.biomech.record import FloatArray
+from helmet_sim_ros.biomech.rotation import matrices, quaternions
 from helmet_sim_ros.errors import SetupError
 from helmet_sim_ros.model.force import contact as contacts
 from helmet_sim_ros.model.force.bodies import motion_of
@@ -90,6 +91,7 @@ def resume(
     turn = np.empty(9)
     mujoco.mju_quat2Mat(turn, state.orientation[[3, 0, 1, 2]])
     place_head(model, data, state.position, turn.reshape(3, 3))
+    _put_on(data.qpos, layout, state)
     struck = nearest(surface, *state.point)[0]
     relative = state.velocity - surface.velocity[struck]
     along = relative - (relative @ state.normal) * state.normal
@@ -99,7 +101,35 @@ def resume(
     velocity = velocity - setup.normal_velocity * state.normal
     data.qvel[:] = 0.0
     data.qvel[layout.qvel] = state.joint_velocities
+    first, turned = layout.fit_velocity, quaternion_matrix(state)
+    moved = turned.T @ state.shift_rate if layout.slide >= 0 else state.shift_rate
+    if layout.slide >= 0:
+        data.qvel[layout.slide_velocity : layout.slide_velocity + 3] = moved
+    elif first >= 0:
+        data.qvel[first : first + 3] = moved
+    if first >= 0:  # a ball joint's velocity is in the axes of the child
+        data.qvel[first + 3 : first + 6] = turned.T @ state.turn_rate
     move_head(model, data, velocity, state.angular_velocity)
+
+
+def quaternion_matrix(state: State) -> FloatArray:
+    """Helmet to head of a state, (3, 3)."""
+    rotation: FloatArray = matrices(quaternions(state.turn[None]))[0]
+    return rotation
+
+
+def _put_on(qpos: FloatArray, layout: Layout, state: State) -> None:
+    """The helmet as far from its place on the head as the state says: of a spring helmet its shell
+    has moved in its coupling, else the whole helmet."""
+    if layout.fit < 0:
+        return
+    first = layout.fit
+    qpos[first + 3 : first + 7] = quaternions(state.turn[None])[0][[3, 0, 1, 2]]
+    if layout.slide >= 0:
+        back = quaternion_matrix(state).T
+        qpos[layout.slide : layout.slide + 3] = back @ state.shift
+    else:
+        qpos[first : first + 3] = state.shift
 
 
 def move_head(

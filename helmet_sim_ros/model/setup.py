@@ -9,7 +9,7 @@ from typing import Any, Literal
 from pydantic import Field, model_validator
 
 from helmet_sim_ros.errors import Problem, SetupError, did_you_mean
-from helmet_sim_ros.model.forms import worn
+from helmet_sim_ros.model.forms import BARE, worn
 from helmet_sim_ros.model.head_surface import Head, HeadSurface, load_head_surface
 from helmet_sim_ros.model.headform import Headform, load_headform
 from helmet_sim_ros.model.helmet import Helmet, load_helmet
@@ -234,7 +234,7 @@ class ImpactSetup(Config):
         values["head.surface"] = self.head_surface_name
         values["head.friction"] = self.head_surface.friction
         values["helmet.name"] = self.helmet
-        values |= {f"helmet.{k}": v for k, v in leaf_values(self.helmet_config).items()}
+        values |= told_helmet(self.helmet_config)
         return {k: list(v) if isinstance(v, tuple) else v for k, v in values.items()}
 
 
@@ -313,6 +313,14 @@ def overridden_helmet(name: str, overrides: Mapping[str, Any]) -> Helmet:
         raise SetupError(
             [Problem(_prefixed(prefix, p.key), p.value, p.allowed) for p in error.problems]
         ) from None
+
+
+def told_helmet(helmet: Helmet) -> dict[str, Any]:
+    """Every value of a helmet by its dotted name; of a bare head those that have an effect."""
+    values = leaf_values(helmet)
+    if helmet.coupling == "none":
+        values = {k: v for k, v in values.items() if k.startswith((*BARE, "coupling"))}
+    return {f"helmet.{k}": v for k, v in values.items()}
 
 
 def surface_of_head(name: str, head: Head) -> HeadSurface:

@@ -2,9 +2,10 @@
 
 A setup holds it as ``impact.state``: time in the scene [s]; struck point (3) [m] and outward
 normal (3) there; of the head position (3) [m], orientation (4, x y z w), velocity (3) [m/s] and
-angular velocity (3) [rad/s]; then position and velocity of every joint coordinate of the body, in
-the order of ``ImpactRecord.joint_names``. All in world axes. The helmet sits on the head as it did
-when it was put on, and moves with it.
+angular velocity (3) [rad/s], all in world axes; of the helmet against the head, in head axes, how
+far it has moved (3) [m] and turned (3, a rotation vector) [rad], and both rates (6); the largest
+compression of its coupling so far [m]; then position and velocity of every joint coordinate of the
+body, in the order of ``ImpactRecord.joint_names``.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import numpy as np
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.errors import SetupError
 
-FIRST_JOINT = 20
+FIRST_JOINT = 33
 LONGEST = 10.0  # s, latest time in a scene
 FASTEST = 100.0  # m/s
 
@@ -32,6 +33,11 @@ class State(NamedTuple):
     orientation: FloatArray
     velocity: FloatArray
     angular_velocity: FloatArray
+    shift: FloatArray
+    turn: FloatArray
+    shift_rate: FloatArray
+    turn_rate: FloatArray
+    compressed: FloatArray
     joint_positions: FloatArray
     joint_velocities: FloatArray
 
@@ -50,7 +56,7 @@ def read_state(numbers: Sequence[float]) -> State:
     shown = f"{len(numbers)} numbers"
     if joints < 0 or joints % 2:
         raise SetupError.of("state", shown, f"must be {FIRST_JOINT} numbers and two per joint")
-    at = np.cumsum([1, 3, 3, 3, 4, 3, 3, joints // 2])
+    at = np.cumsum([1, 3, 3, 3, 4, 3, 3, 3, 3, 3, 3, 1, joints // 2])
     time, *parts = np.split(values, at)
     state = State(float(time[0]), *parts)
     if not np.isfinite(values).all():

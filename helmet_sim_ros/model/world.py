@@ -136,7 +136,7 @@ def _parts(
     held = HELD if rig == "monorail" else 1.0
     _rigid(head, segment.mass, [0.0, 0.0, 0.0], [held * i for i in segment.inertia])
     _add_helmet(spec, head, helmet)
-    _add_sensors(spec, rig)
+    _add_sensors(spec, rig, "head" if helmet.coupling == "none" else "helmet")
     model = spec.compile()
     if rig == "rider":
         set_rest(model, math.radians(neck_flexion_deg))
@@ -175,6 +175,12 @@ def substeps(setup: ImpactSetup | Fall, helmet: Helmet) -> int:
     margin for what the body adds.
     """
     step, pad, shell = MAX_STEP, helmet.padding, helmet.shell
+    own = _head(setup.rider, setup.headform).mass
+    if helmet.coupling == "none":
+        stiffness = shell.contact_stiffness / shell.contact_returned
+        force = math.sqrt(shell.contact_stiffness * own) * setup.closing_speed
+        step = min(step, _longest(own, stiffness, shell.contact_damping * force))
+        return math.ceil(setup.time_step / max(step, MIN_STEP) - 1e-9)
     inside = np.sort(np.array(shell.semi_axes) - helmet.liner.thickness)
     area = math.pi * inside[1] * inside[2]  # the largest that is pressed at once
     padding, rubbing = area * pad.modulus / pad.thickness, area * pad.modulus * pad.damping
@@ -183,8 +189,7 @@ def substeps(setup: ImpactSetup | Fall, helmet: Helmet) -> int:
         step = min(step, _longest(mass, max(padding, area * STIFFEST), rubbing))
     else:
         loss = helmet.spring.energy_loss
-        head = _head(setup.rider, setup.headform).mass
-        energy = 0.5 * BODY_MARGIN * (head + helmet.mass) * setup.closing_speed**2
+        energy = 0.5 * BODY_MARGIN * (own + helmet.mass) * setup.closing_speed**2
         for scale, exponent in law_table(helmet.spring):
             depth, force = deepest(scale, exponent, energy)
             spring = unloading_exponent(exponent, depth, loss) * force
@@ -234,6 +239,8 @@ def _add_helmet(spec: mujoco.MjSpec, head: mujoco.MjsBody, helmet: Helmet) -> No
     helmet, but carries in translation the mass of its struck part only; the rest is carried by the
     head. Of a spring helmet the struck shell moves on three slides against the liner's inside.
     """
+    if helmet.coupling == "none":
+        return
     center = list(helmet.shell.center if helmet.mass_center is None else helmet.mass_center)
     spring = helmet.coupling == "spring"
     struck, inside = helmet.shell.effective_mass, helmet.liner.effective_mass
@@ -282,13 +289,13 @@ def _rigid(body: mujoco.MjsBody, mass: float, at: list[float], inertia: list[flo
     body.explicitinertial = True
 
 
-def _add_sensors(spec: mujoco.MjSpec, rig: str) -> None:
-    """Motion of the head frame, and what helmet and neck transmit (MuJoCo: parent on child)."""
+def _add_sensors(spec: mujoco.MjSpec, rig: str, helmet: str) -> None:
+    """Motion of the head frame and of the body ``helmet``, and what helmet and neck transmit (MuJoCo: parent on child)."""
     kind, frame, site = mujoco.mjtSensor, mujoco.mjtObj.mjOBJ_XBODY, mujoco.mjtObj.mjOBJ_SITE
     sensors = [
         ("head_position", kind.mjSENS_FRAMEPOS, frame, "head"),
         ("head_orientation", kind.mjSENS_FRAMEQUAT, frame, "head"),
-        ("helmet_orientation", kind.mjSENS_FRAMEQUAT, frame, "helmet"),
+        ("helmet_orientation", kind.mjSENS_FRAMEQUAT, frame, helmet),
         ("head_velocity", kind.mjSENS_FRAMELINVEL, frame, "head"),
         ("head_angular_velocity", kind.mjSENS_FRAMEANGVEL, frame, "head"),
         ("head_specific_force", kind.mjSENS_FRAMELINACC, frame, "head"),
@@ -304,9 +311,9 @@ def _add_sensors(spec: mujoco.MjSpec, rig: str) -> None:
 
 
 def _ellipsoids(model: mujoco.MjModel, helmet: Helmet) -> Contact:
-    """The shell of a spring helmet, and every geom of the body; a capsule touches with the
-    spheres at its ends."""
-    shell = int(model.body("helmet").id)
+    """The shell of a spring helmet or the bare head, and every geom of the body; a capsule touches
+    with the spheres at its ends."""
+    shell = int(model.body("head" if helmet.coupling == "none" else "helmet").id)
     geoms = np.flatnonzero((model.geom_bodyid != 0) & (model.geom_bodyid != shell))
     capsule = model.geom_type[geoms] == int(mujoco.mjtGeom.mjGEOM_CAPSULE)
     ends = np.concatenate([[-1.0, 1.0] if both else [0.0] for both in capsule] or [[]])
@@ -320,7 +327,7 @@ def _ellipsoids(model: mujoco.MjModel, helmet: Helmet) -> Contact:
     center = model.geom_pos[geoms] + (ends * size[:, 1])[:, None] * axis
     semi_axes = np.where(capsule[:, None], size[:, :1], size)
     law = np.tile(BODY_CONTACT, (len(geoms), 1))
-    if helmet.coupling == "spring":
+    if helmet.coupling != "foam":
         own = helmet.shell
         body = np.concatenate([[shell], body])
         center = np.vstack([own.center, center])

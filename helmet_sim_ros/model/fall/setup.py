@@ -23,6 +23,7 @@ from helmet_sim_ros.model.setup import (
     fold_overrides,
     overridden_helmet,
     surface_of_head,
+    told_helmet,
 )
 from helmet_sim_ros.model.surface.config import SurfaceConfig
 from helmet_sim_ros.model.surface.scenes import load_scene
@@ -204,7 +205,7 @@ class Fall(Config):
         values["head.surface"] = self.head_surface_name
         values["head.friction"] = self.head_surface.friction
         values["helmet.name"] = self.helmet
-        values |= {f"helmet.{k}": v for k, v in leaf_values(self.helmet_config).items()}
+        values |= told_helmet(self.helmet_config)
         return {k: list(v) if isinstance(v, tuple) else v for k, v in values.items()}
 
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import mujoco
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from helmet_sim_ros.biomech.evaluation import evaluate
 from helmet_sim_ros.biomech.record import CHANNELS, FloatArray, ImpactRecord
@@ -64,7 +65,8 @@ class Strike:
         location: on the helmet.
         struck: what is struck: the scene's name of the shape.
         point: where, world axes, (3,) [m]; ``normal``: outward there, (3,).
-        record: the samples of its own window, from the last one before the touch.
+        state: of the rider in the last sample before the touch.
+        record: the samples of its own window, from that one on.
     """
 
     time: float
@@ -76,6 +78,7 @@ class Strike:
     struck: str
     point: FloatArray = field(repr=False)
     normal: FloatArray = field(repr=False)
+    state: State = field(repr=False)
     record: ImpactRecord = field(repr=False)
 
     @cached_property
@@ -105,7 +108,7 @@ class Strike:
             "sim.duration": min(max(window, 10.0 * step), LONGEST),
             "impact.normal_velocity": self.normal_velocity,
             "impact.tangential_velocity": self.tangential_velocity,
-            "impact.state": list(self._state().numbers()),
+            "impact.state": list(self.state.numbers()),
         }
         if is_fall(values):
             kept |= {
@@ -118,14 +121,6 @@ class Strike:
             names = ("surface", "friction", "gravity", "neck_flexion_deg")
             kept |= {f"impact.{name}": values[f"impact.{name}"] for name in names}
         return setup_from_names({k: v for k, v in kept.items() if v is not None})
-
-    def _state(self) -> State:
-        record = self.record
-        return State(
-            float(record.time[0]), self.point, self.normal, record.head_position[0],
-            record.head_orientation[0], record.head_velocity[0], record.head_angular_velocity[0],
-            record.joint_positions[0], record.joint_velocities[0],
-        )  # fmt: skip
 
 
 #: Columns of a table of strikes: name, unit, and what of a strike stands there.
@@ -244,8 +239,28 @@ def _strike(
         setup.surface_config.name_of(shape),
         point,
         normal,
+        _state(record, before, point, normal),
         _window(record, before, last),
     )
+
+
+def _state(record: ImpactRecord, i: int, point: FloatArray, normal: FloatArray) -> State:
+    """How rider and helmet move in sample i."""
+    near = slice(max(i - 1, 0), i + 2)
+    back = matrices(record.head_orientation[near]).transpose(0, 2, 1)
+    away = record.helmet_position[near] - record.head_position[near]
+    shifts = np.einsum("nij,nj->ni", back, away)
+    head = Rotation.from_quat(record.head_orientation[near])
+    turns = (head.inv() * Rotation.from_quat(record.helmet_orientation[near])).as_rotvec()
+    at = i - near.start
+    span = float(record.time[near][-1] - record.time[near][0])
+    so_far = np.linalg.norm(record.coupling_displacement[: i + 1], axis=1)
+    return State(
+        float(record.time[i]), point, normal, record.head_position[i], record.head_orientation[i],
+        record.head_velocity[i], record.head_angular_velocity[i], shifts[at], turns[at],
+        (shifts[-1] - shifts[0]) / span, (turns[-1] - turns[0]) / span,
+        np.array([float(so_far.max())]), record.joint_positions[i], record.joint_velocities[i],
+    )  # fmt: skip
 
 
 def _zone(azimuth: float, elevation: float) -> str:

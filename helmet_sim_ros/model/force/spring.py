@@ -167,7 +167,9 @@ def spring_force(spring: CouplingSpring, displacement: FloatArray, force: FloatA
 
 @inlined
 def apply(spring: CouplingSpring, motion: Motion, loads: Loads) -> None:
-    """Add the spring's force to the slides of the shell against the head."""
+    """Add the spring's force to the slides of the shell against the head, where it has any."""
+    if spring.slide < 0:
+        return
     spring_force(spring, motion.qpos[spring.slide : spring.slide + 3], loads.spring)
     for k in range(3):
         loads.generalised[spring.slide_velocity + k] += loads.spring[k]
