@@ -112,8 +112,10 @@ class Impact:
             plate(helmet, liner),
             self.fresh_fit(),
         )
-        if isinstance(setup, ImpactSetup) and setup.state is not None and layout.slide >= 0:
-            self._forces.spring.largest[0] = float(read_state(setup.state).compressed[0])
+        if isinstance(setup, ImpactSetup) and setup.state is not None:
+            state = read_state(setup.state)
+            self._forces.spring.largest[0] = float(state.compressed[0])
+            self._forces.neck.yielded[0] = float(state.yielded[0])
         self._engine = Engine(
             parts.model._address, data._address, data.qacc_smooth, data.qacc, data.xfrc_applied,
             data.sensordata, data.M, *parts.damped_diagonal, parts.chains, data.energy,

@@ -188,7 +188,12 @@ class ImpactSetup(Config):
     @property
     def posing(self) -> Posing | None:
         """Where the joints rest; None: in the posture that the rider was made with."""
-        return None
+        if self.state is None:
+            return None
+        state = read_state(self.state)
+        return Posing(
+            (), all_rests=tuple(state.joint_rests), all_factors=tuple(state.joint_factors)
+        )  # fmt: skip
 
     @property
     def closing_speed(self) -> float:

@@ -4,8 +4,9 @@ A setup holds it as ``impact.state``: time in the scene [s]; struck point (3) [m
 normal (3) there; of the head position (3) [m], orientation (4, x y z w), velocity (3) [m/s] and
 angular velocity (3) [rad/s], all in world axes; of the helmet against the head, in head axes, how
 far it has moved (3) [m] and turned (3, a rotation vector) [rad], and both rates (6); the largest
-compression of its coupling so far [m]; then position and velocity of every joint coordinate of the
-body, in the order of ``ImpactRecord.joint_names``.
+compression of its coupling so far [m] and the shortening that the neck keeps [m]; then, each for
+all joint coordinates of the body in the order of ``ImpactRecord.joint_names``: positions,
+velocities, where their springs rest, and factors on their stiffness.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import numpy as np
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.errors import SetupError
 
-FIRST_JOINT = 33
+FIRST_JOINT = 34
 LONGEST = 10.0  # s, latest time in a scene
 FASTEST = 100.0  # m/s
 
@@ -38,8 +39,11 @@ class State(NamedTuple):
     shift_rate: FloatArray
     turn_rate: FloatArray
     compressed: FloatArray
+    yielded: FloatArray
     joint_positions: FloatArray
     joint_velocities: FloatArray
+    joint_rests: FloatArray
+    joint_factors: FloatArray
 
     def numbers(self) -> tuple[float, ...]:
         """All of them as one list."""
@@ -54,13 +58,16 @@ def read_state(numbers: Sequence[float]) -> State:
     """
     values, joints = np.array(numbers, dtype=float), len(numbers) - FIRST_JOINT
     shown = f"{len(numbers)} numbers"
-    if joints < 0 or joints % 2:
-        raise SetupError.of("state", shown, f"must be {FIRST_JOINT} numbers and two per joint")
-    at = np.cumsum([1, 3, 3, 3, 4, 3, 3, 3, 3, 3, 3, 1, joints // 2])
+    if joints < 0 or joints % 4:
+        raise SetupError.of("state", shown, f"must be {FIRST_JOINT} numbers and four per joint")
+    each = joints // 4
+    at = np.cumsum([1, 3, 3, 3, 4, 3, 3, 3, 3, 3, 3, 1, 1, each, each, each])
     time, *parts = np.split(values, at)
     state = State(float(time[0]), *parts)
     if not np.isfinite(values).all():
         raise SetupError.of("state", shown, "each must be finite")
+    if not ((state.joint_factors >= 0.1) & (state.joint_factors <= 100.0)).all():
+        raise SetupError.of("state", shown, "factors on stiffness must be from 0.1 to 100")
     if not 0.0 <= state.time <= LONGEST:
         raise SetupError.of("state", state.time, f"its time must be from 0 to {LONGEST:g} s")
     for name, vector in (("orientation", state.orientation), ("normal", state.normal)):

@@ -290,7 +290,8 @@ def _rigid(body: mujoco.MjsBody, mass: float, at: list[float], inertia: list[flo
 
 
 def _add_sensors(spec: mujoco.MjSpec, rig: str, helmet: str) -> None:
-    """Motion of the head frame and of the body ``helmet``, and what helmet and neck transmit (MuJoCo: parent on child)."""
+    """Motion of the head frame and of the body ``helmet``, and what the neck transmits (MuJoCo:
+    parent on child)."""
     kind, frame, site = mujoco.mjtSensor, mujoco.mjtObj.mjOBJ_XBODY, mujoco.mjtObj.mjOBJ_SITE
     sensors = [
         ("head_position", kind.mjSENS_FRAMEPOS, frame, "head"),

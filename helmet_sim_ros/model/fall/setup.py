@@ -25,8 +25,8 @@ from helmet_sim_ros.model.setup import (
     surface_of_head,
     told_helmet,
 )
-from helmet_sim_ros.model.surface.config import SurfaceConfig
-from helmet_sim_ros.model.surface.scenes import load_scene
+from helmet_sim_ros.model.surface.config import SCENE, SurfaceConfig, load_surface
+from helmet_sim_ros.model.surface.scenes import Drive, load_scene
 from helmet_sim_ros.schema import Config, Leaf, leaf_values, leaves, quantity
 
 Bracing = Literal["passive", "arms"]
@@ -84,6 +84,13 @@ class Fall(Config):
     scene: str = Field(
         "road", description="surroundings: name in config/scenes, or path to a YAML file"
     )
+    traffic_speed: float | None = quantity(
+        "of what moves in the scene, without the rider's own vehicle; unset: the scene's",
+        "m/s", None, gt=0.0, le=60.0,
+    )  # fmt: skip
+    traffic_braking: float | None = quantity(
+        "its deceleration; unset: the scene's", "m/s^2", None, ge=0.0, le=1000.0
+    )
     friction: float | None = quantity(
         "friction of the shell on everything; unset: the surfaces'", "-", None, ge=0.0, le=2.0
     )
@@ -121,6 +128,13 @@ class Fall(Config):
             raise SetupError.of(
                 "head.form", self.head.form, "must be unset: a rider has a head of his own"
             )
+        scene = load_scene(self.scene)
+        for key in ("traffic_speed", "traffic_braking"):
+            if getattr(self, key) is not None and not scene.has_traffic:
+                raise SetupError.of(
+                    key, getattr(self, key),
+                    f"has no effect: nothing but the rider moves in scene {self.scene}",
+                )  # fmt: skip
         # Refuse a bad file now, not when it runs.
         _ = self.helmet_config, self.surface_config, self.head_surface, self.posture
         from helmet_sim_ros.model.fall.start import refuse_overlap  # asks for a Fall itself
@@ -159,9 +173,18 @@ class Fall(Config):
         return overridden_helmet(self.helmet, self.overrides)
 
     @property
+    def surface(self) -> str:
+        """The name of everything that surrounds the rider, as an impact's surface."""
+        scene = load_scene(self.scene)
+        if not (scene.has_traffic or scene.has_own_vehicle):
+            return SCENE + self.scene
+        drive = Drive(self.resolved_speed, self.traffic_speed, self.traffic_braking)
+        return f"{SCENE}{self.scene}@{drive.text()}"
+
+    @property
     def surface_config(self) -> SurfaceConfig:
         """Everything that surrounds the rider."""
-        return load_scene(self.scene)
+        return load_surface(self.surface)
 
     @cached_property
     def head_surface(self) -> HeadSurface:

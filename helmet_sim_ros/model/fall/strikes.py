@@ -18,12 +18,13 @@ from helmet_sim_ros.biomech.record import CHANNELS, FloatArray, ImpactRecord
 from helmet_sim_ros.biomech.result import Evaluation
 from helmet_sim_ros.biomech.rotation import matrices
 from helmet_sim_ros.errors import PulseError, SetupError
+from helmet_sim_ros.model.compiled import compiled
 from helmet_sim_ros.model.fall.setup import Fall, fall_from_names, is_fall
 from helmet_sim_ros.model.force.columns import first_touch
+from helmet_sim_ros.model.force.neck import CervicalSpine, elastic_length
 from helmet_sim_ros.model.placement import SITES, place_head
 from helmet_sim_ros.model.setup import ImpactSetup, setup_from_names
-from helmet_sim_ros.model.state import State
-from helmet_sim_ros.model.surface.config import SCENE
+from helmet_sim_ros.model.state import State, read_state
 from helmet_sim_ros.model.surface.shapes import nearest
 from helmet_sim_ros.model.world import World, build
 
@@ -112,7 +113,7 @@ class Strike:
         }
         if is_fall(values):
             kept |= {
-                "impact.surface": SCENE + str(values["fall.scene"]),
+                "impact.surface": fall_from_names(values).surface,
                 "impact.friction": values["fall.friction"],
                 "impact.gravity": values["fall.gravity"],
                 "impact.neck_flexion_deg": fall_from_names(values).resolved_neck_flexion_deg,
@@ -239,13 +240,39 @@ def _strike(
         setup.surface_config.name_of(shape),
         point,
         normal,
-        _state(record, before, point, normal),
+        _state(record, before, point, normal, setup, world),
         _window(record, before, last),
     )
 
 
-def _state(record: ImpactRecord, i: int, point: FloatArray, normal: FloatArray) -> State:
+@compiled
+def kept_shortening(neck: CervicalSpine, lengths: FloatArray) -> float:
+    """Shortening that a neck keeps [m] after its slide went through some lengths [m]."""
+    yielded = 0.0
+    for length in lengths:
+        yielded = -length - elastic_length(neck, -length, yielded)
+    return yielded
+
+
+def _state(
+    record: ImpactRecord,
+    i: int,
+    point: FloatArray,
+    normal: FloatArray,
+    setup: Fall | ImpactSetup,
+    world: World,
+) -> State:
     """How rider and helmet move in sample i."""
+    model, layout = world.parts.model, world.parts.layout
+    rests = layout.positions(model.qpos_spring[None])[0]
+    factors = np.ones(len(rests))
+    if isinstance(setup, Fall):
+        for name, factor in setup.posing.stiffened:
+            factors[layout.joints.index(name)] = factor
+    elif setup.state is not None:
+        factors = read_state(setup.state).joint_factors
+    shortened = record.joint_positions[: i + 1, record.joint_names.index("neck_axial")]
+    yielded = kept_shortening(world.parts.neck, np.ascontiguousarray(shortened))
     near = slice(max(i - 1, 0), i + 2)
     back = matrices(record.head_orientation[near]).transpose(0, 2, 1)
     away = record.helmet_position[near] - record.head_position[near]
@@ -259,7 +286,8 @@ def _state(record: ImpactRecord, i: int, point: FloatArray, normal: FloatArray) 
         float(record.time[i]), point, normal, record.head_position[i], record.head_orientation[i],
         record.head_velocity[i], record.head_angular_velocity[i], shifts[at], turns[at],
         (shifts[-1] - shifts[0]) / span, (turns[-1] - turns[0]) / span,
-        np.array([float(so_far.max())]), record.joint_positions[i], record.joint_velocities[i],
+        so_far.max(keepdims=True), np.array([yielded]), record.joint_positions[i],
+        record.joint_velocities[i], rests, factors,
     )  # fmt: skip
 
 

@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from pydantic import Field, model_validator
 
@@ -34,6 +34,9 @@ class Placed(Config):
     )  # fmt: skip
     speed: float = quantity(
         "at which it moves along its own x axis at the start", "m/s", 0.0, ge=0.0, le=60.0
+    )
+    with_rider: bool = Field(
+        False, description="the rider's own vehicle: moves as fast as he does at the start"
     )
     braking: float = quantity("its deceleration", "m/s^2", 0.0, ge=0.0, le=1000.0)
 
@@ -93,6 +96,72 @@ class SceneConfig(SurfaceConfig):
             )  # fmt: skip
         return self
 
+    @property
+    def has_traffic(self) -> bool:
+        """Whether anything moves that is not the rider's own."""
+        return any(part.speed > 0.0 and not part.with_rider for part in self.parts)
+
+    @property
+    def has_own_vehicle(self) -> bool:
+        """Whether the rider's own vehicle is there."""
+        return any(part.with_rider for part in self.parts)
+
+
+class Drive(NamedTuple):
+    """How fast what moves in a scene moves, where it is not as the scene says.
+
+    Attributes:
+        own: speed of the rider's own vehicle [m/s].
+        traffic: speed of all else that moves [m/s]; ``braking``: its deceleration [m/s^2].
+    """
+
+    own: float = 0.0
+    traffic: float | None = None
+    braking: float | None = None
+
+    def text(self) -> str:
+        """As it stands behind a scene's name."""
+        return ",".join("" if value is None else repr(float(value)) for value in self)
+
+    @classmethod
+    def read(cls, text: str, key: str) -> Drive:
+        """The inverse of :meth:`text`.
+
+        Raises:
+            SetupError: not three numbers from 0 on.
+        """
+        try:
+            values = [float(word) if word else None for word in text.split(",")]
+            own, traffic, braking = values
+        except ValueError:
+            raise SetupError.of(key, text, "must be three numbers OWN,TRAFFIC,BRAKING") from None
+        if any(v is not None and not 0.0 <= v <= 1000.0 for v in values):
+            raise SetupError.of(key, text, "each must be from 0 to 1000")
+        return cls(own or 0.0, traffic, braking)
+
+    def of(self, part: Placed) -> Placed:
+        """A part at this speed."""
+        if part.with_rider:
+            return part.model_copy(update={"speed": self.own})
+        if part.speed == 0.0:
+            return part
+        speed = part.speed if self.traffic is None else self.traffic
+        braking = part.braking if self.braking is None else self.braking
+        return part.model_copy(update={"speed": speed, "braking": braking})
+
+
+@lru_cache(maxsize=256)
+def driven(scene: SceneConfig, drive: Drive) -> SceneConfig:
+    """A scene with what moves in it moving otherwise."""
+    parts = tuple(drive.of(part) for part in scene.parts)
+    placed = sum(len(part.shapes()) for part in parts)
+    return scene.model_copy(
+        update={
+            "parts": parts,
+            "shapes": (*(s for part in parts for s in part.shapes()), *scene.shapes[placed:]),
+        }
+    )
+
 
 @lru_cache(maxsize=32)
 def _load(path: Path, _mtime_ns: int, key: str) -> SceneConfig:
@@ -100,10 +169,13 @@ def _load(path: Path, _mtime_ns: int, key: str) -> SceneConfig:
 
 
 def load_scene(name_or_path: str, key: str = "fall.scene") -> SceneConfig:
-    """The scene of ``config/scenes/NAME.yaml``, or of any YAML file by path.
+    """The scene of ``config/scenes/NAME.yaml``, or of any YAML file by path; behind ``@`` how what
+    moves in it is driven, see :class:`Drive`.
 
     Raises:
         SetupError: unknown name, unreadable file, or a refused value in it.
     """
+    name_or_path, at, text = name_or_path.partition("@")
     path = find_config("scenes", name_or_path, key)
-    return _load(path, path.stat().st_mtime_ns, key)
+    scene = _load(path, path.stat().st_mtime_ns, key)
+    return driven(scene, Drive.read(text, key)) if at else scene
