@@ -19,9 +19,11 @@ from helmet_sim_ros.model.rider.posing import Posing
 from helmet_sim_ros.model.rider.properties import Rider
 from helmet_sim_ros.model.setup import (
     GROUPS,
+    ImpactSetup,
     Rig,
     fold_overrides,
     overridden_helmet,
+    setup_from_names,
     surface_of_head,
     told_helmet,
 )
@@ -265,6 +267,15 @@ def fall_from_names(values: Mapping[str, Any]) -> Fall:
             for p in error.problems
         ]
         raise SetupError(problems, error.source) from None
+
+
+def setup_or_fall(values: Mapping[str, Any]) -> ImpactSetup | Fall:
+    """An impact or a fall from dotted names: a fall where any of them is ``fall.*``.
+
+    Raises:
+        SetupError: unknown name, or a refused value.
+    """
+    return fall_from_names(values) if is_fall(values) else setup_from_names(values)
 
 
 def fall_leaves() -> list[Leaf]:

@@ -19,7 +19,7 @@ from helmet_sim_ros.biomech.result import Evaluation
 from helmet_sim_ros.biomech.rotation import matrices
 from helmet_sim_ros.errors import PulseError, SetupError
 from helmet_sim_ros.model.compiled import compiled
-from helmet_sim_ros.model.fall.setup import Fall, fall_from_names, is_fall
+from helmet_sim_ros.model.fall.setup import Fall, fall_from_names, is_fall, setup_or_fall
 from helmet_sim_ros.model.force.columns import first_touch
 from helmet_sim_ros.model.force.neck import CervicalSpine, elastic_length
 from helmet_sim_ros.model.placement import SITES, place_head
@@ -64,7 +64,7 @@ class Strike:
         tangential_velocity: along it [m/s].
         body_angle_deg: of the trunk to the struck surface, above 0 head down.
         location: on the helmet.
-        struck: what is struck: the scene's name of the shape.
+        struck: what is struck: the scene's name of the shape; ``shape``: its index there.
         point: where, world axes, (3,) [m]; ``normal``: outward there, (3,).
         state: of the rider in the last sample before the touch.
         record: the samples of its own window, from that one on.
@@ -77,6 +77,7 @@ class Strike:
     body_angle_deg: float
     location: Location
     struck: str
+    shape: int
     point: FloatArray = field(repr=False)
     normal: FloatArray = field(repr=False)
     state: State = field(repr=False)
@@ -86,6 +87,21 @@ class Strike:
     def evaluation(self) -> Evaluation:
         """All criteria over the window of the strike, by the default standard."""
         return evaluate(self.record)
+
+    @property
+    def peak_acceleration(self) -> float:
+        """Of the head's centre of gravity [m/s^2]."""
+        return float(np.linalg.norm(self.record.head_acceleration, axis=1).max())
+
+    @property
+    def speed(self) -> float:
+        """Of the head's centre of gravity over what is struck [m/s]."""
+        return math.hypot(self.normal_velocity, self.tangential_velocity)
+
+    @property
+    def angle_deg(self) -> float:
+        """Of that speed to the struck surface: 90 straight into it [deg]."""
+        return math.degrees(math.atan2(self.normal_velocity, self.tangential_velocity))
 
     def setup(self) -> ImpactSetup:
         """The strike as an impact of its own: the same rider in the same pose and motion meets the
@@ -140,7 +156,7 @@ class HeadStrikes(tuple[Strike, ...]):
     @property
     def worst(self) -> Strike | None:
         """The strike with the highest peak acceleration of the head; None: no head contact."""
-        return max(self, key=lambda strike: strike.evaluation.peak_g.value, default=None)
+        return max(self, key=lambda strike: strike.peak_acceleration, default=None)
 
     def rows(self, criteria: Iterable[str] = ("peak_g", "hic", "bric")) -> list[dict[str, object]]:
         """One mapping per strike: the names of ``COLUMNS``, then the criteria."""
@@ -203,7 +219,7 @@ def head_strikes(record: ImpactRecord) -> HeadStrikes:
     firsts = touching[np.concatenate([[0], apart + 1])]
     lasts = touching[np.concatenate([apart, [len(touching) - 1]])]
     values = record.setup
-    setup = fall_from_names(values) if is_fall(values) else setup_from_names(values)
+    setup = setup_or_fall(values)
     world = build(setup, setup.helmet_config)
     return HeadStrikes(
         _strike(record, setup, world, int(first), int(last))
@@ -238,6 +254,7 @@ def _strike(
         math.degrees(math.asin(max(-1.0, min(1.0, sine)))),
         Location(azimuth, elevation, _zone(azimuth, elevation)),
         setup.surface_config.name_of(shape),
+        shape,
         point,
         normal,
         _state(record, before, point, normal, setup, world),
