@@ -42,6 +42,10 @@ from helmet_sim_ros.model.state import read_state
 from helmet_sim_ros.model.watch import most_energy, overloaded
 from helmet_sim_ros.model.world import build
 
+#: Name, in the extras of a fall's record, of the displacement of a spring helmet's shell in its
+#: coupling: helmet axes, (n, 3) [m].
+SHELL = "shell_displacement"
+
 
 def simulate(setup: ImpactSetup | Fall, crush: FloatArray | None = None) -> ImpactRecord:
     """Simulate one impact, or a whole fall.
@@ -239,6 +243,9 @@ class Impact:
         suffered = overload(self.neck, self._rows.qpos[: self._done])
         suffered += overloaded(self.helmet, self._forces, self._rows, self._done, self._layout)
         extras: dict[str, Any] = {"notes": [*self.notes, *suffered]}
+        if isinstance(self.setup, Fall) and self._layout.slide >= 0:
+            slide = self._layout.slide
+            extras[SHELL] = self._rows.qpos[: self._done, slide : slide + 3].copy()
         liner = self._forces.liner
         if len(liner.largest):
             strains = residual_strains(liner.largest, liner.columns.foam)

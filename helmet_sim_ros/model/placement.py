@@ -101,35 +101,24 @@ def resume(
     velocity = velocity - setup.normal_velocity * state.normal
     data.qvel[:] = 0.0
     data.qvel[layout.qvel] = state.joint_velocities
-    first, turned = layout.fit_velocity, quaternion_matrix(state)
-    moved = turned.T @ state.shift_rate if layout.slide >= 0 else state.shift_rate
-    if layout.slide >= 0:
-        data.qvel[layout.slide_velocity : layout.slide_velocity + 3] = moved
-    elif first >= 0:
-        data.qvel[first : first + 3] = moved
+    first, slide = layout.fit_velocity, layout.slide_velocity
     if first >= 0:  # a ball joint's velocity is in the axes of the child
-        data.qvel[first + 3 : first + 6] = turned.T @ state.turn_rate
+        back = matrices(quaternions(state.turn[None]))[0].T
+        data.qvel[first : first + 3] = state.shift_rate
+        data.qvel[first + 3 : first + 6] = back @ state.turn_rate
+    if slide >= 0:
+        data.qvel[slide : slide + 3] = state.shell_rate
     move_head(model, data, velocity, state.angular_velocity)
 
 
-def quaternion_matrix(state: State) -> FloatArray:
-    """Helmet to head of a state, (3, 3)."""
-    rotation: FloatArray = matrices(quaternions(state.turn[None]))[0]
-    return rotation
-
-
 def _put_on(qpos: FloatArray, layout: Layout, state: State) -> None:
-    """The helmet as far from its place on the head as the state says: of a spring helmet its shell
-    has moved in its coupling, else the whole helmet."""
-    if layout.fit < 0:
-        return
-    first = layout.fit
-    qpos[first + 3 : first + 7] = quaternions(state.turn[None])[0][[3, 0, 1, 2]]
-    if layout.slide >= 0:
-        back = quaternion_matrix(state).T
-        qpos[layout.slide : layout.slide + 3] = back @ state.shift
-    else:
+    """The helmet as far from its place on the head as the state says."""
+    first, slide = layout.fit, layout.slide
+    if first >= 0:
         qpos[first : first + 3] = state.shift
+        qpos[first + 3 : first + 7] = quaternions(state.turn[None])[0][[3, 0, 1, 2]]
+    if slide >= 0:
+        qpos[slide : slide + 3] = state.shell
 
 
 def move_head(

@@ -16,7 +16,7 @@ from helmet_sim_ros.model.helmet import Helmet, load_helmet
 from helmet_sim_ros.model.rider.posing import Posing
 from helmet_sim_ros.model.rider.properties import RETIRED, Rider, refuse_retired
 from helmet_sim_ros.model.state import read_state
-from helmet_sim_ros.model.surface.config import SurfaceConfig, load_surface
+from helmet_sim_ros.model.surface.config import SCENE, SurfaceConfig, load_surface
 from helmet_sim_ros.schema import Config, leaf_values, leaves, quantity
 
 Rig = Literal["rider", "headform", "monorail"]
@@ -181,8 +181,11 @@ class ImpactSetup(Config):
         return "scalp" if self.rig == "rider" else "en960"
 
     @property
-    def resolved_friction(self) -> float:
-        """The friction of the shell on what it meets first [-]."""
+    def resolved_friction(self) -> float | None:
+        """The friction of the shell on what it meets first [-]; None: each shape of a scene has its
+        own."""
+        if self.surface.startswith(SCENE):
+            return self.friction
         return self.surface_config.friction if self.friction is None else self.friction
 
     @property

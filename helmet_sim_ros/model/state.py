@@ -3,10 +3,11 @@
 A setup holds it as ``impact.state``: time in the scene [s]; struck point (3) [m] and outward
 normal (3) there; of the head position (3) [m], orientation (4, x y z w), velocity (3) [m/s] and
 angular velocity (3) [rad/s], all in world axes; of the helmet against the head, in head axes, how
-far it has moved (3) [m] and turned (3, a rotation vector) [rad], and both rates (6); the largest
-compression of its coupling so far [m] and the shortening that the neck keeps [m]; then, each for
-all joint coordinates of the body in the order of ``ImpactRecord.joint_names``: positions,
-velocities, where their springs rest, and factors on their stiffness.
+far it has moved in its padding (3) [m] and turned (3, a rotation vector) [rad], and both rates
+(6); of a spring helmet the displacement of its shell in helmet axes (3) [m] and its rate (3), else
+0; the largest compression of its coupling so far [m], and the shortening that the neck keeps [m];
+then, each for all joint coordinates of the body in the order of ``ImpactRecord.joint_names``:
+positions, velocities, where their springs rest, and factors on their stiffness.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ import numpy as np
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.errors import SetupError
 
-FIRST_JOINT = 34
+FIRST_JOINT = 40
 LONGEST = 10.0  # s, latest time in a scene
 FASTEST = 100.0  # m/s
 
@@ -38,6 +39,8 @@ class State(NamedTuple):
     turn: FloatArray
     shift_rate: FloatArray
     turn_rate: FloatArray
+    shell: FloatArray
+    shell_rate: FloatArray
     compressed: FloatArray
     yielded: FloatArray
     joint_positions: FloatArray
@@ -61,7 +64,7 @@ def read_state(numbers: Sequence[float]) -> State:
     if joints < 0 or joints % 4:
         raise SetupError.of("state", shown, f"must be {FIRST_JOINT} numbers and four per joint")
     each = joints // 4
-    at = np.cumsum([1, 3, 3, 3, 4, 3, 3, 3, 3, 3, 3, 1, 1, each, each, each])
+    at = np.cumsum([1, 3, 3, 3, 4, 3, 3, 3, 3, 3, 3, 3, 3, 1, 1, each, each, each])
     time, *parts = np.split(values, at)
     state = State(float(time[0]), *parts)
     if not np.isfinite(values).all():

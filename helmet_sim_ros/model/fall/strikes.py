@@ -22,6 +22,7 @@ from helmet_sim_ros.model.compiled import compiled
 from helmet_sim_ros.model.fall.setup import Fall, fall_from_names, is_fall, setup_or_fall
 from helmet_sim_ros.model.force.columns import first_touch
 from helmet_sim_ros.model.force.neck import CervicalSpine, elastic_length
+from helmet_sim_ros.model.impact import SHELL
 from helmet_sim_ros.model.placement import SITES, place_head
 from helmet_sim_ros.model.setup import ImpactSetup, setup_from_names
 from helmet_sim_ros.model.state import State, read_state
@@ -293,18 +294,24 @@ def _state(
     near = slice(max(i - 1, 0), i + 2)
     back = matrices(record.head_orientation[near]).transpose(0, 2, 1)
     away = record.helmet_position[near] - record.head_position[near]
+    shells = np.zeros((len(record.time[near]), 3))
+    so_far = 0.0
+    if SHELL in record.extras:
+        shells = np.array(record.extras[SHELL])[near]
+        so_far = float(np.linalg.norm(record.extras[SHELL][: i + 1], axis=1).max())
     shifts = np.einsum("nij,nj->ni", back, away)
     head = Rotation.from_quat(record.head_orientation[near])
     turns = (head.inv() * Rotation.from_quat(record.helmet_orientation[near])).as_rotvec()
     at = i - near.start
     span = float(record.time[near][-1] - record.time[near][0])
-    so_far = np.linalg.norm(record.coupling_displacement[: i + 1], axis=1)
+    helmet = Rotation.from_rotvec(turns)
+    shifts = shifts - helmet.apply(shells)
     return State(
         float(record.time[i]), point, normal, record.head_position[i], record.head_orientation[i],
         record.head_velocity[i], record.head_angular_velocity[i], shifts[at], turns[at],
-        (shifts[-1] - shifts[0]) / span, (turns[-1] - turns[0]) / span,
-        so_far.max(keepdims=True), np.array([yielded]), record.joint_positions[i],
-        record.joint_velocities[i], rests, factors,
+        (shifts[-1] - shifts[0]) / span, (turns[-1] - turns[0]) / span, shells[at],
+        (shells[-1] - shells[0]) / span, np.array([so_far]), np.array([yielded]),
+        record.joint_positions[i], record.joint_velocities[i], rests, factors,
     )  # fmt: skip
 
 

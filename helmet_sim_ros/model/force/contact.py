@@ -42,7 +42,7 @@ from helmet_sim_ros.model.force.vector import (
     sub,
     turned,
 )
-from helmet_sim_ros.model.surface.carrier import react
+from helmet_sim_ros.model.surface.carrier import react, share_of_body
 from helmet_sim_ros.model.surface.compiled import Surface
 from helmet_sim_ros.model.surface.deepest import deepest_point
 from helmet_sim_ros.model.surface.shapes import signed_distance
@@ -191,6 +191,8 @@ def press(
         stick[:] = 0.0
         contact.peak[i, k] = 0.0
         return
+    if contact.body[i] != contact.helmet:
+        depth *= share_of_body(surface, k, contact.stiffness[i])
     contact.peak[i, k] = max(contact.peak[i, k], depth)
     depth = effective_depth(contact, i, k, depth)
     body, stiffness = contact.body[i], contact.stiffness[i]
@@ -203,6 +205,7 @@ def press(
     )  # fmt: skip
     force = add(scaled(normal, pressed), friction)
     push(motion, loads, body, point, force)
-    react(surface, k, force)
     receiver = HELMET if body == contact.helmet else BODY
+    if receiver == HELMET:
+        react(surface, k, force)
     count_surface(loads, receiver, force, cross(point, force), friction)

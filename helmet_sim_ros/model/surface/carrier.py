@@ -2,8 +2,10 @@
 
 A carried shape is the face of a panel: an effective mass on a spring and damper, whose other end
 moves with a vehicle on a straight line. The vehicle is so heavy that nothing slows it but its
-brakes. The panel is deflected by what presses on its face, and gives back only a share of the
-energy: below its deepest deflection so far it is stiffer (Walton & Braun, J. Rheol. 30, 1986).
+brakes. The panel is deflected by helmet or bare head, and gives back only a share of the energy:
+below its deepest deflection so far it is stiffer (Walton & Braun, J. Rheol. 30, 1986). All other
+parts of the body dent it elsewhere: each has the panel's stiffness in series with its own, and the
+head does not find their dents.
 """
 
 from __future__ import annotations
@@ -28,12 +30,22 @@ from helmet_sim_ros.model.surface.compiled import (
 
 @inlined
 def react(surface: Surface, k: int, force: Vec) -> None:
-    """Remember what presses on shape k; ``force`` is that of the shape on it [N]."""
+    """Remember what of the head presses on shape k; ``force`` is that of the shape on it [N]."""
     if len(surface.carrier) > 0:
         reaction = surface.reaction
         reaction[k, 0] -= force[0]
         reaction[k, 1] -= force[1]
         reaction[k, 2] -= force[2]
+
+
+@inlined
+def share_of_body(surface: Surface, k: int, stiffness: float) -> float:
+    """Share of a depth in shape k that is the body's own, of that stiffness [N/m]; the rest is the
+    panel's."""
+    if len(surface.carrier) == 0 or surface.carrier[k, STIFFNESS] == 0.0:
+        return 1.0
+    share: float = surface.carrier[k, STIFFNESS] / (surface.carrier[k, STIFFNESS] + stiffness)
+    return share
 
 
 @inlined

@@ -113,7 +113,7 @@ class SurfaceConfig(Config):
         """The shapes as they are at a time [s] after the start, with a state of their own where
         anything moves or gives way; friction as in :meth:`compiled`."""
         surface = self.compiled(friction)
-        if not any(part.is_carried for part in self.shapes):
+        if not self.is_carried:
             return surface
         carrier = np.zeros((len(self.shapes), CARRIED))
         for row, part in zip(carrier, self.shapes, strict=True):
@@ -134,6 +134,11 @@ class SurfaceConfig(Config):
             position=position.copy(), velocity=velocity.copy(),
             reaction=np.zeros(position.shape), carrier=carrier,
         )  # fmt: skip
+
+    @property
+    def is_carried(self) -> bool:
+        """Whether anything in it moves or gives way."""
+        return any(part.is_carried for part in self.shapes)
 
     def name_of(self, index: int) -> str:
         """What a report calls a shape."""

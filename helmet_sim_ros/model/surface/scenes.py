@@ -97,6 +97,12 @@ class SceneConfig(SurfaceConfig):
         return self
 
     @property
+    def is_carried(self) -> bool:
+        """As if something moved, wherever there is more than one shape: the plate of a helmet's
+        shell, made for one blow, is left out of scenes."""
+        return len(self.shapes) > 1 or super().is_carried
+
+    @property
     def has_traffic(self) -> bool:
         """Whether anything moves that is not the rider's own."""
         return any(part.speed > 0.0 and not part.with_rider for part in self.parts)

@@ -46,10 +46,11 @@ SHORT_NAMES = {
 class ScenarioFile(Config):
     """What a scenario file holds.
 
-    Keys of ``common``, ``cases`` and ``product`` are the dotted names of the impact setup (or of a
-    fall, where any is ``fall.*``), written out (``impact.friction: 0.4``) or as groups (``impact: {friction: 0.4}``); ``helmet: NAME`` is
-    short for ``helmet.name``. The cases are every item of ``cases`` combined with every combination
-    of the lists in ``product``, the last list varying fastest.
+    Keys of ``common``, ``cases`` and ``product`` are the dotted names of the impact setup, or of a
+    fall where any of them is ``fall.*``, written out (``impact.friction: 0.4``) or as groups
+    (``impact: {friction: 0.4}``); ``helmet: NAME`` is short for ``helmet.name``. The cases are
+    every item of ``cases`` combined with every combination of the lists in ``product``, the last
+    list varying fastest.
     """
 
     name: str = Field("", description="name of the scenario; unset: the file's name")
