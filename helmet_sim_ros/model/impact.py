@@ -32,7 +32,7 @@ from helmet_sim_ros.model.force.fit import Fit, fit
 from helmet_sim_ros.model.force.foam import residual_strains
 from helmet_sim_ros.model.force.liner import crushing_liner
 from helmet_sim_ros.model.force.shell import plate
-from helmet_sim_ros.model.force.spring import coupling_spring
+from helmet_sim_ros.model.force.spring import CouplingSpring, coupling_spring
 from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.layout import Layout
 from helmet_sim_ros.model.loop import Clock, Engine, Forces, Rows, advance
@@ -108,7 +108,7 @@ class Impact:
         liner = crushing_liner(columns, helmet, layout.helmet, shapes, largest)
         self._forces = Forces(
             world.surface,
-            coupling_spring(helmet.spring, layout.slide, layout.slide_velocity),
+            self.fresh_spring(),
             parts.stops,
             parts.neck.fresh(),
             world.contact,
@@ -118,7 +118,9 @@ class Impact:
         )
         if isinstance(setup, ImpactSetup) and setup.state is not None:
             state = read_state(setup.state)
-            self._forces.spring.largest[0] = float(state.compressed[0])
+            spring, now = self._forces.spring, float(np.linalg.norm(state.shell))
+            spring.past[:] = max(float(state.compressed[0]), now), now
+            spring.behind[:] = spring.past[0] - now
             self._forces.neck.yielded[0] = float(state.yielded[0])
         self._engine = Engine(
             parts.model._address, data._address, data.qacc_smooth, data.qacc, data.xfrc_applied,
@@ -160,6 +162,14 @@ class Impact:
     def layout(self) -> Layout:
         """Where named quantities stand in the model's vectors."""
         return self._layout
+
+    def fresh_spring(self) -> CouplingSpring:
+        """The coupling spring before the first touch."""
+        layout, helmet = self._layout, self.helmet
+        return coupling_spring(
+            helmet.spring, helmet.shell.semi_axes, layout.slide, layout.slide_velocity,
+            layout.helmet,
+        )  # fmt: skip
 
     def fresh_fit(self) -> Fit:
         """How the head sits in the helmet at the first touch."""

@@ -214,7 +214,7 @@ def advance(
                 else:
                     liner.apply(crushing, struck, step, motion, loads)
             else:
-                spring.apply(sprung, motion, loads)
+                spring.apply(sprung, step, motion, loads)
             add_generalised(motion, loads, engine.chains)
 
             if substep == 0:
