@@ -61,7 +61,9 @@ def strikes_table(results: Sequence[FallResult]) -> Table:
             table.add_row(Text(f"{result.name}: {NOTHING}"))
         for number, strike in enumerate(result.strikes):
             table.add_row(Text("" if number else result.name), *_cells(strike))
-    table.caption = "into, along: m/s; body: trunk to the surface, head down [deg]; a: krad/s^2"
+    table.caption = Text(
+        "into, along: m/s; body: trunk to the surface, head down, deg; a: krad/s^2"
+    )
     table.caption_justify = "left"
     return table
 
