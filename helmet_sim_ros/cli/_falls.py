@@ -35,7 +35,8 @@ def run_falls(
     cases: Sequence[tuple[str, Fall]], console: Console
 ) -> tuple[list[FallResult], list[str]]:
     """Simulate falls one after the other; the results, and a line for each that failed."""
-    results, failed = [], []
+    results: list[FallResult] = []
+    failed: list[str] = []
     with shown_progress(console, "falls") as progress:
         for done, (name, fall) in enumerate(cases):
             progress(done, len(cases), len(failed))

@@ -53,6 +53,9 @@ def run_chunk(job: Job, chunk: Sequence[Mapping[str, object]]) -> list[Outcome]:
     from helmet_sim_ros.model.setup import ImpactSetup
     from helmet_sim_ros.study.falls.measures import judge_fall
 
+    def made(values: Mapping[str, object]) -> ImpactSetup | Fall:
+        return setup_or_fall(values)
+
     def samples(setup: ImpactSetup | Fall) -> int:
         return setup.samples
 
@@ -70,7 +73,7 @@ def run_chunk(job: Job, chunk: Sequence[Mapping[str, object]]) -> list[Outcome]:
         return Outcome("ok", None, result.verdict, numbers)
 
     outcomes: list[Outcome] = []
-    for block in _blocks(_tried(setup_or_fall, chunk), samples):
+    for block in _blocks(_tried(made, chunk), samples):
         records = _tried(Impact.record, _tried(advanced, _tried(Impact, block)))
         outcomes += _tried(judged, records)
     return outcomes
