@@ -170,7 +170,7 @@ def test_a_faster_strike_is_harder():
 
 def test_a_state_leaves_no_room_for_another_pose():
     state = list(fallen()[2].worst.state.numbers())
-    with pytest.raises(SetupError, match="body_angle_deg = 20.0: has no effect"):
+    with pytest.raises(SetupError, match=r"body_angle_deg = 20\.0: has no effect"):
         ImpactSetup(state=state, body_angle_deg=20.0)
     with pytest.raises(SetupError, match="must be unset without a rider"):
         ImpactSetup(rig="headform", state=state)
