@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from helmet_sim_ros.biomech.record import FloatArray
-from helmet_sim_ros.model.compiled import compiled, inlined
+from helmet_sim_ros.model.compiled import compiled
 from helmet_sim_ros.model.force.bodies import (
     FORCE,
     FRICTION,
