@@ -127,7 +127,7 @@ class ImpactSetup(Config):
         if alone and surface.half_thickness < CRUSHED * helmet.liner.thickness:
             raise SetupError.of(
                 "impact.surface", self.surface,
-                f"is only {2e3 * surface.half_thickness:.3g} mm thick, which the columns of a liner "
+                f"is only {2e3 * surface.half_thickness:.3g} mm thick, and the columns of a liner "
                 "without a shell would pass; give helmet.shell.material.modulus and .thickness",
             )  # fmt: skip
 
