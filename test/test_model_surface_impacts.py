@@ -101,3 +101,5 @@ def test_columns_without_a_shell_that_would_pass_a_thin_plate_are_refused() -> N
         ImpactSetup(surface="edge_anvil", overrides=bare)
     for surface in set(SHIPPED) - {"edge_anvil"}:
         ImpactSetup(surface=surface, overrides=bare)
+    told = Impact(ImpactSetup(rig="headform", surface="hemisphere", overrides=bare)).notes
+    assert any("lets each column alone" in note for note in told)

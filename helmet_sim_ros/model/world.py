@@ -111,16 +111,23 @@ def build(setup: ImpactSetup, helmet: Helmet) -> World:
 
 
 def _not_flat(setup: ImpactSetup, helmet: Helmet) -> tuple[str, ...]:
-    """What a spring that was identified on flat ground does not know."""
-    if helmet.coupling != "spring" or setup.surface_config.is_flat_ground:
+    """What a helmet does not know of a surface that is not flat."""
+    spring = helmet.coupling == "spring"
+    bends = helmet.shell.material.bending_stiffness > 0.0
+    if setup.surface_config.is_flat_ground or (bends and not spring):
         return ()
     gap = setup.surface_config.falls_away(PATCH)
     if gap < UNEVEN:
         return ()
+    falls = f"{setup.surface} falls {gap * 1e3:.0f} mm away {PATCH * 1e3:.0f} mm beside the target"
+    if spring:
+        return (
+            f"the coupling spring stands for flat ground, and {falls}: its peaks are those of a "
+            "flat blow; helmet.coupling = foam has the local crush",
+        )
     return (
-        f"the coupling spring stands for flat ground, and {setup.surface} falls {gap * 1e3:.0f} mm "
-        f"away {PATCH * 1e3:.0f} mm beside the target: its peaks are those of a flat blow; "
-        "helmet.coupling = foam has the local crush",
+        f"{falls}, and a liner without a shell lets each column alone: too soft a blow; "
+        "helmet.shell.material.modulus and .thickness let the shell spread it",
     )
 
 
