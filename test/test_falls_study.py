@@ -61,7 +61,7 @@ def test_measures_of_strikes_are_refused_for_impacts(tmp_path):
     text = {"common": {"impact.normal_velocity": 5.0}, "cases": [{"rider.height": 1.7}],
             "criteria": ["strike_speed"]}  # fmt: skip
     path.write_text(yaml.safe_dump(text), encoding="utf-8")
-    with pytest.raises(SetupError, match="strike_speed.*goes with falls"):
+    with pytest.raises(SetupError, match=r"strike_speed.*goes with falls"):
         load_study(str(path))
 
 
