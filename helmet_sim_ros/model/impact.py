@@ -105,6 +105,7 @@ class Impact:
             liner,
             plate(helmet, liner),
             self.fresh_fit(),
+            parts.own._replace(where=np.zeros_like(parts.own.where)),
         )
         self._engine = Engine(
             parts.model._address, data._address, data.qacc_smooth, data.qacc, data.xfrc_applied,
