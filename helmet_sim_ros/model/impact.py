@@ -30,6 +30,7 @@ from helmet_sim_ros.model.force.bodies import (
 from helmet_sim_ros.model.force.fit import Fit, fit
 from helmet_sim_ros.model.force.foam import residual_strains
 from helmet_sim_ros.model.force.liner import crushing_liner
+from helmet_sim_ros.model.force.self_contact import started
 from helmet_sim_ros.model.force.shell import plate
 from helmet_sim_ros.model.force.spring import coupling_spring
 from helmet_sim_ros.model.helmet import Helmet
@@ -105,7 +106,7 @@ class Impact:
             liner,
             plate(helmet, liner),
             self.fresh_fit(),
-            parts.own._replace(where=np.zeros_like(parts.own.where)),
+            started(parts.own, self._motion),
         )
         self._engine = Engine(
             parts.model._address, data._address, data.qacc_smooth, data.qacc, data.xfrc_applied,
@@ -116,6 +117,7 @@ class Impact:
         )
         widths = (parts.model.nq, parts.model.nv, parts.model.nsensordata, 6, 3, (2, COLUMNS), 3)
         self._rows = Rows(*(np.zeros((self.total, *np.atleast_1d(w))) for w in widths))
+        self._time = np.arange(self.total, dtype=np.float64) * setup.time_step
         self._done = 0
 
     @property
@@ -194,7 +196,7 @@ class Impact:
         gravity = np.array([0.0, 0.0, -self.setup.gravity])
         zeros = np.zeros((len(q), 3))
         return ImpactRecord(
-            time=np.arange(first, last, dtype=np.float64) * self.setup.time_step,
+            time=self._time[first:last],
             # MuJoCo's framelinacc is specific force: inertial acceleration minus gravity.
             head_acceleration=layout.read(sensors, "head_specific_force") + gravity,
             head_angular_acceleration=layout.read(sensors, "head_angular_acceleration"),

@@ -168,6 +168,19 @@ def elastic_energy(contact: Contact, surface: Surface, motion: Motion) -> float:
     return energy
 
 
+@compiled
+def stick_energy(contact: Contact) -> float:
+    """Elastic energy of the deflections along the surface [J]."""
+    energy = 0.0
+    for i in range(len(contact.body)):
+        square = 0.0
+        for k in range(contact.stick.shape[1]):
+            s = row(contact.stick[i], k)
+            square += dot(s, s)
+        energy += 0.5 * TANGENTIAL_SHARE * contact.stiffness[i] * square
+    return energy
+
+
 @inlined
 def apply(contact: Contact, surface: Surface, step: float, motion: Motion, loads: Loads) -> None:
     """Add the surface's forces on all ellipsoids.

@@ -1,8 +1,8 @@
 """The rider against himself: limbs on trunk and limbs, the helmet on shoulders, chest and arms.
 
 Capsules (a segment and a radius) meet capsules and ellipsoids (trunk segments, the helmet). Pairs
-are listed once; of each, spheres about both are compared first. Two parts that overlap in the
-rider's posture at rest are tissue that is displaced already: their depth counts from there.
+are listed once; of each, spheres about both are compared first. Two parts that overlap at the start
+are tissue that is displaced already: their depth counts from there, until they have come apart.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class SelfContact(NamedTuple):
             centre, (n, 4) [m].
         reach: of the part about the middle of its segment, (n,) [m].
         first, second: parts of a pair; the second is a capsule, (m,).
-        overlap: of the pair in the rider's posture at rest, (m,) [m].
+        overlap: what is left of that at the start, (m,) [m]; state.
         stiffness, thickness, straight: of both tissues in series, see
             :mod:`helmet_sim_ros.model.force.tissue`, (m,) [N/m], [m], [-].
         mass: the least that the pair's force moves, (m,) [kg].
@@ -126,7 +126,9 @@ def closest_in(p: Vec, q: Vec, ax: float, ay: float, az: float) -> Vec:
 
 
 @compiled
-def above_ellipsoid(semi_axes: FloatArray, p: Vec, q: Vec) -> tuple[float, Vec, Vec]:
+def above_ellipsoid(
+    semi_axes: tuple[float, float, float, float], p: Vec, q: Vec
+) -> tuple[float, Vec, Vec]:
     """Distance of a segment from an ellipsoid about the origin to first order [m], the segment's
     point there, and the ellipsoid's normal."""
     ax, ay, az = semi_axes[0], semi_axes[1], semi_axes[3]
@@ -144,35 +146,57 @@ def above_ellipsoid(semi_axes: FloatArray, p: Vec, q: Vec) -> tuple[float, Vec, 
 
 
 @compiled
-def approach(parts: SelfContact, motion: Motion, a: int, b: int) -> tuple[float, Vec, Vec]:
-    """Gap between two parts [m], below 0 where they overlap; where it is, and the normal from the
-    first to the second, world axes. The places of the parts are those of :func:`locate`."""
-    w = parts.where
-    r, s = (w[b, 0], w[b, 1], w[b, 2]), (w[b, 3], w[b, 4], w[b, 5])
-    if parts.radius[a] > 0.0:
-        p, q = (w[a, 0], w[a, 1], w[a, 2]), (w[a, 3], w[a, 4], w[a, 5])
-        c, d = closest_on_segments(p, q, r, s)
-        apart = sub(d, c)
-        distance = norm(apart)
-        normal = (0.0, 0.0, 1.0)
-        if distance > TINY:
-            normal = scaled(apart, 1.0 / distance)
-        gap = distance - parts.radius[a] - parts.radius[b]
-        return gap, add(c, scaled(normal, parts.radius[a] + 0.5 * gap)), normal
-    turn: Mat = matrix(motion.rotation, parts.body[a])
-    center = (w[a, 6], w[a, 7], w[a, 8])
-    local = turned_back(turn, sub(r, center)), turned_back(turn, sub(s, center))
-    distance, c, normal = above_ellipsoid(parts.semi_axes[a], local[0], local[1])
-    normal = turned(turn, normal)
-    at = add(add(center, turned(turn, c)), scaled(normal, -parts.radius[b]))
-    return distance - parts.radius[b], at, normal
+def between_capsules(
+    p: Vec, q: Vec, radius: float, r: Vec, s: Vec, other: float
+) -> tuple[float, Vec, Vec]:
+    """:func:`approach` of two capsules, by the ends of their segments and their radii [m]."""
+    c, d = closest_on_segments(p, q, r, s)
+    apart = sub(d, c)
+    distance = norm(apart)
+    normal = (0.0, 0.0, 1.0)
+    if distance > TINY:
+        normal = scaled(apart, 1.0 / distance)
+    gap = distance - radius - other
+    return gap, add(c, scaled(normal, radius + 0.5 * gap)), normal
 
 
 @inlined
-def depth_of(parts: SelfContact, j: int, gap: float) -> float:
-    """Overlap of a pair beyond that at rest [m]."""
-    depth: float = -gap - parts.overlap[j]
-    return depth
+def approach(
+    where: FloatArray,
+    radius: FloatArray,
+    semi_axes: FloatArray,
+    rotation: FloatArray,
+    a: int,
+    b: int,
+) -> tuple[float, Vec, Vec]:
+    """Gap between two parts [m], below 0 where they overlap; where it is, and the normal from the
+    first to the second, world axes. ``rotation``: of the first part's body, (9,)."""
+    r = (where[b, 0], where[b, 1], where[b, 2])
+    s = (where[b, 3], where[b, 4], where[b, 5])
+    if radius[a] > 0.0:
+        p = (where[a, 0], where[a, 1], where[a, 2])
+        q = (where[a, 3], where[a, 4], where[a, 5])
+        return between_capsules(p, q, radius[a], r, s, radius[b])
+    m = rotation
+    turn: Mat = (m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7], m[8])
+    center = (where[a, 6], where[a, 7], where[a, 8])
+    axes = (semi_axes[a, 0], semi_axes[a, 1], semi_axes[a, 2], semi_axes[a, 3])
+    distance, c, normal = above_ellipsoid(
+        axes, turned_back(turn, sub(r, center)), turned_back(turn, sub(s, center))
+    )
+    normal = turned(turn, normal)
+    at = add(add(center, turned(turn, c)), scaled(normal, -radius[b]))
+    return distance - radius[b], at, normal
+
+
+@compiled
+def gap_of(parts: SelfContact, motion: Motion, j: int) -> tuple[float, Vec, Vec]:
+    """:func:`approach` of pair j where the parts are now."""
+    a = parts.first[j]
+    return approach(
+        parts.where, parts.radius, parts.semi_axes, motion.rotation[parts.body[a]], a,
+        parts.second[j],
+    )  # fmt: skip
 
 
 @compiled
@@ -180,20 +204,34 @@ def apply(parts: SelfContact, step: float, motion: Motion, loads: Loads) -> None
     """Add the forces between all parts; ``step`` [s]."""
     locate(parts, motion)
     first, second, where, reach = parts.first, parts.second, parts.where, parts.reach
+    radius, semi_axes, overlap = parts.radius, parts.semi_axes, parts.overlap
+    bodies, rotation = parts.body, motion.rotation
     for j in range(len(first)):
-        if is_near(where, reach, first[j], second[j]):
-            press(parts, j, step, motion, loads)
+        a, b = first[j], second[j]
+        if not is_near(where, reach, a, b):
+            overlap[j] = 0.0
+            continue
+        gap, point, normal = approach(where, radius, semi_axes, rotation[bodies[a]], a, b)
+        depth = -gap - overlap[j]
+        if depth > 0.0:
+            press(parts, j, depth, point, normal, step, motion, loads)
+        else:
+            overlap[j] = max(0.0, -gap)
 
 
 @compiled
-def press(parts: SelfContact, j: int, step: float, motion: Motion, loads: Loads) -> None:
-    """Add the force between the parts of pair j."""
-    a, b = parts.first[j], parts.second[j]
-    gap, point, normal = approach(parts, motion, a, b)
-    depth = depth_of(parts, j, gap)
-    if depth <= 0.0:
-        return
-    a, b, mass = parts.body[a], parts.body[b], parts.mass[j]
+def press(
+    parts: SelfContact,
+    j: int,
+    depth: float,
+    point: Vec,
+    normal: Vec,
+    step: float,
+    motion: Motion,
+    loads: Loads,
+) -> None:
+    """Add the force between the parts of pair j that overlap by ``depth`` [m]."""
+    a, b, mass = parts.body[parts.first[j]], parts.body[parts.second[j]], parts.mass[j]
     velocity = sub(
         velocity_at(rigid(motion, b), point), velocity_at(rigid(motion, a), point)
     )  # fmt: skip
@@ -207,29 +245,31 @@ def press(parts: SelfContact, j: int, step: float, motion: Motion, loads: Loads)
 
 
 @compiled
-def deepest(parts: SelfContact, motion: Motion) -> float:
-    """The deepest overlap beyond that at rest [m], 0: none."""
+def depths(parts: SelfContact, motion: Motion) -> FloatArray:
+    """Overlap of every pair beyond that of the start [m], below 0 where they are apart."""
     locate(parts, motion)
-    most = 0.0
-    for j in range(len(parts.first)):
-        if is_near(parts.where, parts.reach, parts.first[j], parts.second[j]):
-            most = max(most, depth_of(
-                parts, j, approach(parts, motion, parts.first[j], parts.second[j])[0]
-            ))  # fmt: skip
-    return most
+    found = np.empty(len(parts.first))
+    for j in range(len(found)):
+        found[j] = -gap_of(parts, motion, j)[0] - parts.overlap[j]
+    return found
+
+
+def started(parts: SelfContact, motion: Motion) -> SelfContact:
+    """The same with a state of its own, at the start."""
+    parts = parts._replace(
+        where=np.zeros_like(parts.where), overlap=np.zeros_like(parts.overlap)
+    )  # fmt: skip
+    return parts._replace(overlap=np.maximum(0.0, depths(parts, motion)))
 
 
 @compiled
 def stored_energy(parts: SelfContact, motion: Motion) -> float:
     """Elastic energy of all pairs [J]."""
-    locate(parts, motion)
     energy = 0.0
-    for j in range(len(parts.first)):
-        if is_near(parts.where, parts.reach, parts.first[j], parts.second[j]):
-            gap = approach(parts, motion, parts.first[j], parts.second[j])[0]
-            depth = depth_of(parts, j, gap)
-            if depth > 0.0:
-                energy += elastic_energy(
-                    parts.stiffness[j], parts.thickness[j], parts.straight[j], depth
-                )
+    overlaps = depths(parts, motion)
+    for j in range(len(overlaps)):
+        if overlaps[j] > 0.0:
+            energy += elastic_energy(
+                parts.stiffness[j], parts.thickness[j], parts.straight[j], overlaps[j]
+            )
     return energy

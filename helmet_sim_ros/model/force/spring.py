@@ -173,6 +173,26 @@ def apply(spring: CouplingSpring, motion: Motion, loads: Loads) -> None:
         loads.generalised[spring.slide_velocity + k] += loads.spring[k]
 
 
+@compiled
+def held_energy(spring: CouplingSpring, displacement: FloatArray) -> float:
+    """What the spring would give back now [J], see :func:`recoverable_energy`."""
+    compression, energy = 0.0, 0.0
+    for k in range(3):
+        compression += displacement[k] ** 2
+    compression = compression**0.5
+    if compression == 0.0:
+        return 0.0
+    largest = max(spring.largest[0], compression)
+    for axis in range(3):
+        share = displacement[axis] / compression
+        side = 2 * axis if share < 0.0 else 2 * axis + 1
+        scale, exponent = spring.law[side, SCALE], spring.law[side, EXPONENT]
+        c = unloading_exponent(exponent, largest, spring.energy_loss)
+        force = unloading_force(largest, loading_force(scale, exponent, largest), c, compression)
+        energy += share**2 * force * compression * exponential_share(c * compression)
+    return energy
+
+
 def recoverable_energy(displacement: FloatArray, spring: Spring) -> FloatArray:
     """Energy that the spring would still give back at each sample.
 

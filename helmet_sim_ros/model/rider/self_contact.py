@@ -9,8 +9,7 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from helmet_sim_ros.model.force.bodies import motion_of
-from helmet_sim_ros.model.force.self_contact import SelfContact, approach, locate
+from helmet_sim_ros.model.force.self_contact import SelfContact
 from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.rider import tissue
 from helmet_sim_ros.model.rider.anthropometry import Anthropometry
@@ -50,33 +49,20 @@ def self_contact(model: mujoco.MjModel, helmet: Helmet, body: Anthropometry) -> 
     ends = np.array([(part.start, part.end) for part in parts]).reshape(-1, 2, 3)
     semi_axes = np.array([part.semi_axes for part in parts]).reshape(-1, 4)
     radius = np.array([part.radius for part in parts])
-    middle = ends.mean(axis=1)
     half = 0.5 * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
     reach = np.where(radius > 0.0, half + radius, semi_axes.max(axis=1, initial=0.0))
     masses = np.minimum(
         tissue.lightest_masses(model, bodies, ends[:, 0]),
         tissue.lightest_masses(model, bodies, ends[:, 1]),
     )
-    del middle
     laws = np.array([_law(parts[a], parts[b], masses[[a, b]], body.scale) for a, b in pairs])
     first, second = (np.array([pair[k] for pair in pairs], dtype=np.int64) for k in (0, 1))
-    touching = SelfContact(
+    return SelfContact(
         bodies, np.ascontiguousarray(ends[:, 0]), np.ascontiguousarray(ends[:, 1]), radius,
         semi_axes, reach, first, second, np.zeros(len(pairs)),
         *(np.ascontiguousarray(column) for column in laws.reshape(-1, 4).T),
         tissue.DAMPING, FRICTION, np.zeros((len(parts), 9)),
     )  # fmt: skip
-    return touching._replace(overlap=_overlap_at_rest(model, touching))
-
-
-def _overlap_at_rest(model: mujoco.MjModel, parts: SelfContact) -> np.ndarray:
-    data = mujoco.MjData(model)
-    data.qpos[7:] = model.qpos_spring[7:]
-    mujoco.mj_kinematics(model, data)
-    motion = motion_of(data)
-    locate(parts, motion)
-    gaps = [approach(parts, motion, a, b)[0] for a, b in zip(parts.first, parts.second)]
-    return np.maximum(0.0, -np.array(gaps, dtype=float).reshape(-1))
 
 
 def _law(a: Part, b: Part, masses: np.ndarray, scale: float) -> tuple[float, float, float, float]:
