@@ -12,9 +12,11 @@ from helmet_sim_ros.lazy import lazy_names
 
 __all__ = [
     "ImpactSetup",
+    "Fall",
     "Rider",
     "simulate",
     "evaluate",
+    "head_strikes",
     "open_log",
     "compare",
     "sweep",
@@ -29,6 +31,8 @@ __getattr__, __dir__ = lazy_names(
     {
         "model.setup": ("ImpactSetup",),
         "model.rider.properties": ("Rider",),
+        "model.fall.setup": ("Fall",),
+        "model.fall.strikes": ("head_strikes",),
         "model.impact": ("simulate",),
         "biomech.evaluation": ("evaluate", "Evaluation"),
         "biomech.record": ("ImpactRecord",),

@@ -2,6 +2,8 @@ from helmet_sim_ros.biomech.evaluation import evaluate as evaluate
 from helmet_sim_ros.biomech.record import ImpactRecord as ImpactRecord
 from helmet_sim_ros.biomech.result import Evaluation as Evaluation
 from helmet_sim_ros.mcap_log.reader import open_log as open_log
+from helmet_sim_ros.model.fall.setup import Fall as Fall
+from helmet_sim_ros.model.fall.strikes import head_strikes as head_strikes
 from helmet_sim_ros.model.impact import simulate as simulate
 from helmet_sim_ros.model.rider.properties import Rider as Rider
 from helmet_sim_ros.model.setup import ImpactSetup as ImpactSetup

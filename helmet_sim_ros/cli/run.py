@@ -22,12 +22,13 @@ from helmet_sim_ros.cli._processes import (
     start_nodes,
     termination_as_interrupt,
 )
-from helmet_sim_ros.errors import LogError, NodeError
+from helmet_sim_ros.errors import LogError, NodeError, SetupError
 from helmet_sim_ros.mcap_log.digest import setup_digest
 from helmet_sim_ros.mcap_log.writer import PART
+from helmet_sim_ros.model.fall.setup import Fall
 from helmet_sim_ros.nodes.environment import prepare_environment
 from helmet_sim_ros.resources import is_path
-from helmet_sim_ros.study.scenario.matrix import Case
+from helmet_sim_ros.study.scenario.matrix import Case, Scenario
 
 #: Values of a setup that name a file or something shipped.
 FILE_VALUES = ("helmet.name", "impact.surface", "head.surface", "head.form")
@@ -67,6 +68,9 @@ def command(
 
     console = Console(highlight=False)
     plan = load_scenario(scenario, overrides=parse_overrides(overrides))
+    if plan.falls:
+        run_falls_of(plan, output, console)
+        return
     console.print(f"[bold]{plan.name}[/bold]: {len(plan.cases)} impacts; starting the nodes")
     check_writable(output)
     from helmet_sim_ros.biomech.standards import DEFAULT_STANDARD, load_standard  # slow to import
@@ -99,6 +103,33 @@ def command(
         report(result, console, all_criteria, time.monotonic() - began)
         nodes.exit_code = 0 if result["complete"] else 1
     if not result["complete"]:
+        raise SystemExit(1)
+
+
+def run_falls_of(plan: Scenario, output: Path, console: Console) -> None:
+    """Run a scenario of falls in this process, without nodes.
+
+    Raises:
+        SetupError: it holds impacts, too.
+        SystemExit: a fall failed.
+    """
+    from helmet_sim_ros.cli._falls import run_falls, strikes_table, summary, write_results
+
+    if len(plan.falls) != len(plan.cases):
+        raise SetupError.of(
+            "cases", len(plan.cases), f"must be all falls or all impacts; {len(plan.falls)} are "
+            "falls", str(plan.path),
+        )  # fmt: skip
+    cases = [(case.name, case.setup) for case in plan.cases if isinstance(case.setup, Fall)]
+    console.print(f"[bold]{plan.name}[/bold]: {len(cases)} falls")
+    check_writable(output)
+    results, failed = run_falls(cases, console)
+    for line in failed:
+        console.print(line, style="red", markup=False)
+    console.print(strikes_table(results))
+    console.print(summary(results), markup=False, soft_wrap=True)
+    write_results(results, output / plan.name, console, plan.name)
+    if failed:
         raise SystemExit(1)
 
 

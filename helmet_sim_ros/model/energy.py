@@ -22,7 +22,7 @@ def mechanical_energy(engine: Engine, forces: Forces, motion: Motion) -> float:
     energy = engine.energy[0] + engine.energy[1] + held_elastically(forces, motion)
     if forces.spring.slide >= 0:
         slide = forces.spring.slide
-        energy += spring.held_energy(forces.spring, qpos[slide : slide + 3])
+        energy += spring.recoverable_energy(forces.spring, qpos[slide : slide + 3])
     return energy
 
 

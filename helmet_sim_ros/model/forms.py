@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from helmet_sim_ros.errors import Problem, SetupError
-from helmet_sim_ros.model.helmet import Helmet
+from helmet_sim_ros.model.helmet import NO_HELMET, Helmet
 from helmet_sim_ros.model.identified import identified
 from helmet_sim_ros.schema import leaf_values
 
@@ -20,6 +20,8 @@ FOAM_ONLY = (
 )  # fmt: skip
 #: Values without effect in any spring helmet: its shell is rigid on whatever it strikes.
 BENDING = ("shell.material.", "shell.cell")
+#: Values with an effect on a bare head.
+BARE = ("shell.semi_axes", "shell.center", "shell.contact_")
 #: What a spring is identified from.
 LINER = ("liner.", "geometry", "shell.semi_axes", "shell.center", "shell.contact_stiffness")
 
@@ -34,6 +36,8 @@ def worn(helmet: Helmet, changes: Mapping[str, object]) -> Helmet:
     changed: Helmet = helmet.replaced(changes)
     before, after = leaf_values(helmet), leaf_values(changed)
     other = [name for name in changes if before[name] != after[name]]
+    if "none" in (helmet.coupling, changed.coupling):
+        return _bare(helmet, changed, other, after)
     spring = changed.coupling == "spring"
     given = spring and not helmet.spring.identified
     if not spring:
@@ -49,6 +53,24 @@ def worn(helmet: Helmet, changes: Mapping[str, object]) -> Helmet:
         own = {name: changes[name] for name in other if name.startswith("spring.")}
         fresh = identified(changed.model_copy(update={"spring": helmet.spring}))
         changed = changed.model_copy(update={"spring": fresh}).replaced(own)
+    return changed
+
+
+def _bare(
+    helmet: Helmet, changed: Helmet, names: list[str], values: Mapping[str, object]
+) -> Helmet:
+    """A bare head, of which only the shell's shape and contact have an effect."""
+    if helmet.coupling != changed.coupling:
+        raise SetupError.of(
+            "coupling", changed.coupling,
+            f"cannot be changed to or from none: choose helmet: {NO_HELMET}, or another helmet",
+        )  # fmt: skip
+    problems = [
+        Problem(name, values[name], "has no effect here: there is no helmet")
+        for name in names if not name.startswith(BARE)
+    ]  # fmt: skip
+    if problems:
+        raise SetupError(problems)
     return changed
 
 

@@ -18,6 +18,8 @@ from helmet_sim_ros.yaml_file import read_yaml
 
 Vector = tuple[float, float, float]
 
+NO_HELMET = "none"  # name of the bare head
+
 
 class ShellMaterial(Config):
     """What the shell is made of, for its bending on anything that is not flat.
@@ -103,6 +105,11 @@ class Spring(Config):
     )
     energy_loss: float = quantity(
         "share of the loading energy that unloading does not give back", "-", ge=0.0, le=0.98
+    )
+    bears: Literal["patch", "point"] = Field(
+        "patch",
+        description="where the spring bears: over the patch of the crushed shell, so that rolling "
+        "leaves crushed liner behind, or at a point",
     )
     identified: bool = Field(
         False,
@@ -249,7 +256,7 @@ class Helmet(Config):
     """A complete helmet. ``coupling`` selects the spring or the foam liner."""
 
     description: str = Field("", description="what it represents and where its numbers come from")
-    mass: float = quantity("total mass", "kg", gt=0.0, le=4.0)
+    mass: float = quantity("total mass", "kg", ge=0.0, le=4.0)
     inertia: Vector = quantity(
         "moments of inertia of the whole helmet about its centre, head axes", "kg m^2"
     )
@@ -257,8 +264,10 @@ class Helmet(Config):
         "centre of mass in the head frame; unset: the shell's centre", "m", None
     )
     shell: Shell
-    coupling: Literal["spring", "foam"] = Field(
-        "spring", description="what joins head and shell: coupling spring or foam liner"
+    coupling: Literal["spring", "foam", "none"] = Field(
+        "spring",
+        description="what joins head and shell: coupling spring or foam liner; none: a bare head, "
+        "whose skin and skull the shell stands for",
     )
     spring: Spring
     liner: Liner
@@ -272,6 +281,10 @@ class Helmet(Config):
 
     @model_validator(mode="after")
     def _consistent(self) -> Helmet:
+        if self.coupling == "none":
+            return self
+        if self.mass == 0.0:
+            raise SetupError.of("mass", self.mass, "must be above 0 kg and at most 4 kg")
         if self.shell.effective_mass > self.mass:
             raise SetupError(
                 [
@@ -310,10 +323,12 @@ def _load(path: Path, _mtime_ns: int) -> Helmet:
 
 
 def load_helmet(name_or_path: str) -> Helmet:
-    """The helmet of ``config/helmets/NAME.yaml``, or of any YAML file by path.
+    """The helmet of ``config/helmets/NAME.yaml``, or of any YAML file by path; ``none``: a bare
+    head.
 
     Raises:
         SetupError: unknown name, unreadable file, or a refused value in it.
     """
-    path = find_config("helmets", name_or_path, "helmet")
+    kind = "bare_head" if name_or_path == NO_HELMET else "helmets"
+    path = find_config(kind, name_or_path, "helmet")
     return _load(path, path.stat().st_mtime_ns)

@@ -17,6 +17,7 @@ from helmet_sim_ros.biomech.record import (
 )
 from helmet_sim_ros.biomech.rotation import matrices
 from helmet_sim_ros.errors import DivergedError, PulseError
+from helmet_sim_ros.model.fall.setup import Fall
 from helmet_sim_ros.model.force.bodies import (
     BODY,
     COLUMNS,
@@ -32,30 +33,43 @@ from helmet_sim_ros.model.force.foam import residual_strains
 from helmet_sim_ros.model.force.liner import crushing_liner
 from helmet_sim_ros.model.force.self_contact import started
 from helmet_sim_ros.model.force.shell import plate
-from helmet_sim_ros.model.force.spring import coupling_spring
+from helmet_sim_ros.model.force.spring import CouplingSpring, coupling_spring
 from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.layout import Layout
 from helmet_sim_ros.model.loop import Clock, Engine, Forces, Rows, advance
 from helmet_sim_ros.model.rider.neck import overload
 from helmet_sim_ros.model.setup import ImpactSetup
+from helmet_sim_ros.model.state import read_state
 from helmet_sim_ros.model.watch import most_energy, overloaded
 from helmet_sim_ros.model.world import build
 
+#: Name, in the extras of a fall's record, of the displacement of a spring helmet's shell in its
+#: coupling: helmet axes, (n, 3) [m].
+SHELL = "shell_displacement"
 
-def simulate(setup: ImpactSetup, crush: FloatArray | None = None) -> ImpactRecord:
-    """Simulate one impact.
+
+def simulate(setup: ImpactSetup | Fall, crush: FloatArray | None = None) -> ImpactRecord:
+    """Simulate one impact, or a whole fall.
 
     Args:
-        setup: the impact; its ``duration`` and ``time_step`` give the number of samples.
+        setup: the impact or fall; its ``duration`` and ``time_step`` give the number of samples.
         crush: largest strain of each foam column in earlier impacts, ``extras["crush"]`` of the
             last one; unset: a new helmet.
 
     Returns:
-        Every sample of the impact, SI units, from the first touch of the ground.
+        Every sample, SI units, of an impact from the first touch of the ground; of a fall samples
+        are dense where the head strikes and thinner elsewhere (``extras["dense"]``).
+        :func:`head_strikes` finds in a fall what the head strikes.
 
     Raises:
         DivergedError: the state stopped being finite.
     """
+    if isinstance(setup, Fall):
+        from helmet_sim_ros.model.fall.stepping import Falling  # an impact itself
+
+        fall = Falling(setup, crush)
+        fall.run()
+        return fall.record()
     impact = Impact(setup, crush)
     impact.advance(impact.total)
     return impact.record()
@@ -65,7 +79,7 @@ class Impact:
     """An impact that can be advanced in slices.
 
     Attributes:
-        setup: the impact setup.
+        setup: the impact setup, or the fall.
         helmet: what is worn.
         total: number of samples of the whole impact.
         labels: column names of :meth:`block`.
@@ -76,7 +90,10 @@ class Impact:
     """
 
     def __init__(
-        self, setup: ImpactSetup, crush: FloatArray | None = None, helmet: Helmet | None = None
+        self,
+        setup: ImpactSetup | Fall,
+        crush: FloatArray | None = None,
+        helmet: Helmet | None = None,
     ) -> None:
         """Args: see :func:`simulate`; ``helmet`` takes the place of the setup's."""
         self.setup = setup
@@ -99,7 +116,7 @@ class Impact:
         liner = crushing_liner(columns, helmet, layout.helmet, shapes, largest)
         self._forces = Forces(
             world.surface,
-            coupling_spring(helmet.spring, layout.slide, layout.slide_velocity),
+            self.fresh_spring(),
             parts.stops,
             parts.neck.fresh(),
             world.contact,
@@ -108,12 +125,20 @@ class Impact:
             self.fresh_fit(),
             started(parts.own, self._motion),
         )
+        if isinstance(setup, ImpactSetup) and setup.state is not None:
+            state = read_state(setup.state)
+            spring, now = self._forces.spring, float(np.linalg.norm(state.shell))
+            spring.past[:] = max(float(state.compressed[0]), now), now
+            spring.behind[:] = spring.past[0] - now
+            self._forces.neck.yielded[0] = float(state.yielded[0])
         self._engine = Engine(
             parts.model._address, data._address, data.qacc_smooth, data.qacc, data.xfrc_applied,
             data.sensordata, data.M, *parts.damped_diagonal, parts.chains, data.energy,
         )  # fmt: skip
         self._clock = Clock(
-            parts.model.opt.timestep, world.substeps, *most_energy(parts.model, data, setup)
+            parts.model.opt.timestep,
+            world.substeps,
+            *most_energy(parts.model, data, setup, world.surface),
         )
         widths = (parts.model.nq, parts.model.nv, parts.model.nsensordata, 6, 3, (2, COLUMNS), 3)
         self._rows = Rows(*(np.zeros((self.total, *np.atleast_1d(w))) for w in widths))
@@ -147,6 +172,14 @@ class Impact:
     def layout(self) -> Layout:
         """Where named quantities stand in the model's vectors."""
         return self._layout
+
+    def fresh_spring(self) -> CouplingSpring:
+        """The coupling spring before the first touch."""
+        layout, helmet = self._layout, self.helmet
+        return coupling_spring(
+            helmet.spring, helmet.shell.semi_axes, layout.slide, layout.slide_velocity,
+            layout.helmet,
+        )  # fmt: skip
 
     def fresh_fit(self) -> Fit:
         """How the head sits in the helmet at the first touch."""
@@ -185,7 +218,9 @@ class Impact:
         helmet_orientation = layout.read(sensors, "helmet_orientation")[:, [1, 2, 3, 0]]
         turn, helmet_turn = matrices(orientation), matrices(helmet_orientation)
         back = turn.transpose(0, 2, 1)
-        shift = q[:, layout.fit : layout.fit + 3]
+        shift = np.zeros((len(q), 3))
+        if layout.fit >= 0:
+            shift = q[:, layout.fit : layout.fit + 3]
         if layout.slide >= 0:
             sprung = q[:, layout.slide : layout.slide + 3]
             shift = shift + _turned(back, _turned(helmet_turn, sprung))
@@ -228,6 +263,9 @@ class Impact:
         suffered = overload(self.neck, self._rows.qpos[: self._done])
         suffered += overloaded(self.helmet, self._forces, self._rows, self._done, self._layout)
         extras: dict[str, Any] = {"notes": [*self.notes, *suffered]}
+        if isinstance(self.setup, Fall) and self._layout.slide >= 0:
+            slide = self._layout.slide
+            extras[SHELL] = self._rows.qpos[: self._done, slide : slide + 3].copy()
         liner = self._forces.liner
         if len(liner.largest):
             strains = residual_strains(liner.largest, liner.columns.foam)

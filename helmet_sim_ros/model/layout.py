@@ -13,9 +13,9 @@ class Layout:
     """Indices of one compiled model.
 
     Attributes:
-        helmet, head: indices of the bodies.
+        helmet, head: indices of the bodies; without a helmet both are the head's.
         fit, fit_velocity: first slide of the helmet against the head in qpos and in qvel; the
-            quaternion of its ball joint follows them.
+            quaternion of its ball joint follows them; -1: no helmet.
         slide, slide_velocity: first coupling slide in qpos and in qvel; -1: a foam helmet, which
             has none.
         joints: names of the body's joint coordinates, (m,): of a ball joint ``NAME.x``, ``.y``,
@@ -24,11 +24,13 @@ class Layout:
     """
 
     def __init__(self, model: mujoco.MjModel) -> None:
-        self.helmet = int(model.body("helmet").id)
-        self.head = int(model.body("head").id)
-        self.fit, self.fit_velocity = _addresses(model, "fit_x")
-        self.slide = self.slide_velocity = -1
-        if int(model.body("helmet").jntnum[0]) == 3:
+        self.head = self.helmet = int(model.body("head").id)
+        self.fit = self.fit_velocity = self.slide = self.slide_velocity = -1
+        worn = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, "helmet") >= 0
+        if worn:
+            self.helmet = int(model.body("helmet").id)
+            self.fit, self.fit_velocity = _addresses(model, "fit_x")
+        if worn and int(model.body("helmet").jntnum[0]) == 3:
             self.slide, self.slide_velocity = _addresses(model, "coupling_x")
         joints: list[str] = []
         qpos: list[int] = []

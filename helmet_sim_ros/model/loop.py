@@ -41,6 +41,7 @@ from helmet_sim_ros.model.force.bodies import (
     add_generalised,
     clear,
 )
+from helmet_sim_ros.model.surface.carrier import carry
 from helmet_sim_ros.model.surface.compiled import Surface
 
 
@@ -224,7 +225,7 @@ def advance(
                 else:
                     liner.apply(crushing, struck, step, motion, loads)
             else:
-                spring.apply(sprung, motion, loads)
+                spring.apply(sprung, step, motion, loads)
             add_generalised(motion, loads, engine.chains)
 
             if substep == 0:
@@ -248,4 +249,5 @@ def advance(
             for k in range(len(qvel)):
                 qvel[k] += step * acceleration[k]
             _integrate_pos(model, qpos.ctypes.data, qvel.ctypes.data, step)
+            carry(struck, step)
     return last

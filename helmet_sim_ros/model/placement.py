@@ -8,14 +8,18 @@ import mujoco
 import numpy as np
 
 from helmet_sim_ros.biomech.record import FloatArray
+from helmet_sim_ros.biomech.rotation import matrices, quaternions
 from helmet_sim_ros.errors import SetupError
 from helmet_sim_ros.model.force import contact as contacts
 from helmet_sim_ros.model.force.bodies import motion_of
 from helmet_sim_ros.model.force.columns import first_touch
 from helmet_sim_ros.model.force.contact import Contact
 from helmet_sim_ros.model.helmet import Helmet
+from helmet_sim_ros.model.layout import Layout
 from helmet_sim_ros.model.setup import ImpactSetup
+from helmet_sim_ros.model.state import State
 from helmet_sim_ros.model.surface.compiled import Surface
+from helmet_sim_ros.model.surface.shapes import nearest, tangent
 
 LIFTS = 100  # steps along the target's normal until nothing overlaps
 OVERLAP = 1e-9  # m, that is left
@@ -56,6 +60,82 @@ def place(
     along = setup.tangential_velocity * np.array([math.cos(heading), math.sin(heading), 0.0])
     data.qvel[0:3] = frame @ (along - [0.0, 0.0, setup.normal_velocity])
     return _lift(model, data, contact, surface, setup, normal)
+
+
+def resume(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    layout: Layout,
+    surface: Surface,
+    setup: ImpactSetup,
+    state: State,
+) -> None:
+    """Set pose and velocities of a state; the whole rider is sped up or slowed down alike so that
+    the head has the setup's normal and tangential speed over the struck shape.
+
+    Args:
+        model, data, layout: see :func:`place`; qpos and qvel of ``data`` are set.
+        surface: as it is at the state's time.
+        setup: of the impact.
+        state: of the rider.
+
+    Raises:
+        SetupError: a state of another body.
+    """
+    if len(state.joint_positions) != len(layout.joints):
+        raise SetupError.of(
+            "impact.state", f"{len(state.joint_positions)} joint coordinates",
+            f"must be of this body, which has {len(layout.joints)}",
+        )  # fmt: skip
+    layout.pose(data.qpos, layout.joints, state.joint_positions)
+    turn = np.empty(9)
+    mujoco.mju_quat2Mat(turn, state.orientation[[3, 0, 1, 2]])
+    place_head(model, data, state.position, turn.reshape(3, 3))
+    _put_on(data.qpos, layout, state)
+    struck = nearest(surface, *state.point)[0]
+    relative = state.velocity - surface.velocity[struck]
+    along = relative - (relative @ state.normal) * state.normal
+    length = float(np.linalg.norm(along))
+    heading = along / length if length > 0.0 else np.array(tangent(*state.normal))
+    velocity = surface.velocity[struck] + setup.tangential_velocity * heading
+    velocity = velocity - setup.normal_velocity * state.normal
+    data.qvel[:] = 0.0
+    data.qvel[layout.qvel] = state.joint_velocities
+    first, slide = layout.fit_velocity, layout.slide_velocity
+    if first >= 0:  # a ball joint's velocity is in the axes of the child
+        back = matrices(quaternions(state.turn[None]))[0].T
+        data.qvel[first : first + 3] = state.shift_rate
+        data.qvel[first + 3 : first + 6] = back @ state.turn_rate
+    if slide >= 0:
+        data.qvel[slide : slide + 3] = state.shell_rate
+    move_head(model, data, velocity, state.angular_velocity)
+
+
+def _put_on(qpos: FloatArray, layout: Layout, state: State) -> None:
+    """The helmet as far from its place on the head as the state says."""
+    first, slide = layout.fit, layout.slide
+    if first >= 0:
+        qpos[first : first + 3] = state.shift
+        qpos[first + 3 : first + 7] = quaternions(state.turn[None])[0][[3, 0, 1, 2]]
+    if slide >= 0:
+        qpos[slide : slide + 3] = state.shell
+
+
+def move_head(
+    model: mujoco.MjModel, data: mujoco.MjData, velocity: FloatArray, spin: FloatArray
+) -> None:
+    """Set the root's velocity, joints as they move, so that the head's centre of gravity has the
+    given velocity (3,) [m/s] and the head the given angular velocity (3,) [rad/s], world axes."""
+    data.qvel[:6] = 0.0
+    mujoco.mj_fwdPosition(model, data)
+    mujoco.mj_fwdVelocity(model, data)
+    own, head = np.empty(6), int(model.body("head").id)
+    mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_XBODY, head, own, 0)
+    turning = spin - own[:3]
+    arm = data.xpos[head] - data.qpos[:3]
+    data.qvel[:3] = velocity - own[3:] - np.cross(turning, arm)
+    root = data.xmat[1].reshape(3, 3)
+    data.qvel[3:6] = root.T @ turning  # of a free joint: in the axes of its body
 
 
 def _lift(

@@ -72,10 +72,11 @@ class Scene:
         # All of the helmet's motion on the head in the joints of its fit.
         head = Rotation.from_quat(record.head_orientation[index]).inv()
         turn = head * Rotation.from_quat(record.helmet_orientation[index])
-        first = int(model.joint("fit_x").qposadr[0])
-        away = record.helmet_position[index] - record.head_position[index]
-        qpos[first : first + 3] = head.apply(away)
-        qpos[first + 3 : first + 7] = turn.as_quat()[[3, 0, 1, 2]]
+        first = self._layout.fit
+        if first >= 0:
+            away = record.helmet_position[index] - record.head_position[index]
+            qpos[first : first + 3] = head.apply(away)
+            qpos[first + 3 : first + 7] = turn.as_quat()[[3, 0, 1, 2]]
         joints, positions = named_today(record.joint_names, record.joint_positions[index])
         self._layout.pose(qpos, joints, positions)
         rotation = np.empty(9)

@@ -9,17 +9,21 @@ from typing import Any, Literal
 from pydantic import Field, model_validator
 
 from helmet_sim_ros.errors import Problem, SetupError, did_you_mean
-from helmet_sim_ros.model.forms import worn
+from helmet_sim_ros.model.forms import BARE, worn
 from helmet_sim_ros.model.head_surface import Head, HeadSurface, load_head_surface
 from helmet_sim_ros.model.headform import Headform, load_headform
 from helmet_sim_ros.model.helmet import Helmet, load_helmet
+from helmet_sim_ros.model.rider.posing import Posing
 from helmet_sim_ros.model.rider.properties import RETIRED, Rider, refuse_retired
-from helmet_sim_ros.model.surface.config import SurfaceConfig, load_surface
+from helmet_sim_ros.model.state import read_state
+from helmet_sim_ros.model.surface.config import SCENE, SurfaceConfig, load_surface
 from helmet_sim_ros.schema import Config, leaf_values, leaves, quantity
 
 Rig = Literal["rider", "headform", "monorail"]
 Direction = Literal["front", "back", "left", "right", "top"]
 
+#: What places a rider whose state is not given.
+PLACING = ("direction", "body_angle_deg", "tangential_heading_deg")
 #: Flexion of the neck that the rider reaches [deg] (facts: flexion 50 to 60 deg).
 MAX_NECK_FLEXION_DEG = 60.0
 
@@ -67,8 +71,15 @@ class ImpactSetup(Config):
         "the crown to the ground, at most 60",
         "deg", None, ge=-60.0, le=MAX_NECK_FLEXION_DEG,
     )  # fmt: skip
+    state: tuple[float, ...] | None = Field(
+        None,
+        description="how a rider moves at the touch, as head_strikes(...).setup() gives it; unset: "
+        "placed by direction, body_angle_deg and neck_flexion_deg, all moving as one",
+    )
     surface: str = Field(
-        "ground", description="what is struck: name in config/surfaces, or path to a YAML file"
+        "ground",
+        description="what is struck: name in config/surfaces, path to a YAML file, or scene:NAME "
+        "for a scene",
     )
     friction: float | None = quantity(
         "friction of shell on surface; unset: the surface's", "-", None, ge=0.0, le=2.0
@@ -95,7 +106,7 @@ class ImpactSetup(Config):
         data = dict(data)
         overrides = data.get("overrides", {})
         if isinstance(overrides, Mapping):
-            data = _apply_overrides(data, overrides)
+            data = fold_overrides(data, overrides, _SETUP_KEYS)
         if data.get("direction") == "side":
             data["direction"] = "left"
         return data
@@ -113,9 +124,21 @@ class ImpactSetup(Config):
                     "must be unset for rig rider: direction, body_angle_deg and neck_flexion_deg "
                     "place the head",
                 )  # fmt: skip
+        if self.state is not None:
+            self._refuse_beside_state(self.state)
         # Refuse a bad file now, not when it runs.
         _ = self.helmet_config, self.surface_config, self.head_surface
         return self
+
+    def _refuse_beside_state(self, state: tuple[float, ...]) -> None:
+        if self.rig != "rider":
+            raise SetupError.of("state", f"{len(state)} numbers", "must be unset without a rider")
+        for key in PLACING:
+            if getattr(self, key) != type(self).model_fields[key].default:
+                raise SetupError.of(
+                    key, getattr(self, key), "has no effect: state says how the rider moves"
+                )
+        read_state(state)
 
     def _refuse_two_heads(self) -> None:
         if self.rig == "rider":
@@ -136,16 +159,7 @@ class ImpactSetup(Config):
     @cached_property
     def helmet_config(self) -> Helmet:
         """The helmet with its overrides applied."""
-        prefix = "helmet."
-        changes = {k[len(prefix) :]: v for k, v in self.overrides.items() if k.startswith(prefix)}
-        try:
-            return worn(load_helmet(self.helmet), changes)
-        except SetupError as error:
-            if error.source:  # the helmet file itself is bad
-                raise
-            raise SetupError(
-                [Problem(_prefixed(prefix, p.key), p.value, p.allowed) for p in error.problems]
-            ) from None
+        return overridden_helmet(self.helmet, self.overrides)
 
     @cached_property
     def surface_config(self) -> SurfaceConfig:
@@ -155,10 +169,7 @@ class ImpactSetup(Config):
     @cached_property
     def head_surface(self) -> HeadSurface:
         """The surface of the head in the liner."""
-        surface = load_head_surface(self.head_surface_name)
-        if self.head.friction is None:
-            return surface
-        return surface.replaced({"friction": self.head.friction})  # type: ignore[no-any-return]
+        return surface_of_head(self.head_surface_name, self.head)
 
     @property
     def head_surface_name(self) -> str:
@@ -170,9 +181,27 @@ class ImpactSetup(Config):
         return "scalp" if self.rig == "rider" else "en960"
 
     @property
-    def resolved_friction(self) -> float:
-        """The friction of the shell on what it meets first [-]."""
+    def resolved_friction(self) -> float | None:
+        """The friction of the shell on what it meets first [-]; None: each shape of a scene has its
+        own."""
+        if self.surface.startswith(SCENE):
+            return self.friction
         return self.surface_config.friction if self.friction is None else self.friction
+
+    @property
+    def posing(self) -> Posing | None:
+        """Where the joints rest; None: in the posture that the rider was made with."""
+        if self.state is None:
+            return None
+        state = read_state(self.state)
+        return Posing(
+            (), all_rests=tuple(state.joint_rests), all_factors=tuple(state.joint_factors)
+        )  # fmt: skip
+
+    @property
+    def closing_speed(self) -> float:
+        """Speed at which the helmet meets the surface [m/s]."""
+        return self.normal_velocity
 
     @property
     def samples(self) -> int:
@@ -201,6 +230,11 @@ class ImpactSetup(Config):
     def described(self) -> dict[str, Any]:
         """Every value by its dotted name, as plain JSON data, for logs and provenance."""
         values = {name: getattr(self, field) for name, field in _SETUP_KEYS.items()}
+        if self.state is None:
+            del values["impact.state"]
+        else:
+            for key in PLACING:
+                del values[f"impact.{key}"]
         values["impact.neck_flexion_deg"] = self.resolved_neck_flexion_deg
         values["impact.friction"] = self.resolved_friction
         values |= {f"rider.{k}": v for k, v in leaf_values(self.rider).items()}
@@ -208,7 +242,7 @@ class ImpactSetup(Config):
         values["head.surface"] = self.head_surface_name
         values["head.friction"] = self.head_surface.friction
         values["helmet.name"] = self.helmet
-        values |= {f"helmet.{k}": v for k, v in leaf_values(self.helmet_config).items()}
+        values |= told_helmet(self.helmet_config)
         return {k: list(v) if isinstance(v, tuple) else v for k, v in values.items()}
 
 
@@ -223,8 +257,19 @@ def _setup_keys() -> dict[str, str]:
     return names
 
 
-def _apply_overrides(data: dict[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:
-    """Fold ``rider.*``, ``head.*``, ``impact.*``, ``sim.*`` into the fields; ``helmet.*`` stays."""
+def fold_overrides(
+    data: dict[str, Any], overrides: Mapping[str, Any], keys: Mapping[str, str]
+) -> dict[str, Any]:
+    """Fold ``rider.*``, ``head.*`` and the names of ``keys`` into the fields; ``helmet.*`` stays.
+
+    Args:
+        data: fields of a setup.
+        overrides: dotted names to values.
+        keys: dotted name -> field, for the values that the setup holds itself.
+
+    Raises:
+        SetupError: unknown name, or a refused value.
+    """
     kept: dict[str, Any] = {}
     changes: dict[str, dict[str, Any]] = {name: {} for name in GROUPS}
     for key, value in overrides.items():
@@ -235,13 +280,13 @@ def _apply_overrides(data: dict[str, Any], overrides: Mapping[str, Any]) -> dict
             kept[key] = tuple(value) if isinstance(value, list) else value
         elif group in GROUPS and name:
             changes[group][name] = value
-        elif key in _SETUP_KEYS:
-            data[_SETUP_KEYS[key]] = value
+        elif key in keys:
+            data[keys[key]] = value
         else:
             raise SetupError.of(
                 f"overrides.{key}", value,
-                "unknown name; use helmet.*, rider.*, head.* or one of " + ", ".join(_SETUP_KEYS)
-                + did_you_mean(key, _SETUP_KEYS),
+                "unknown name; use helmet.*, rider.*, head.* or one of " + ", ".join(keys)
+                + did_you_mean(key, keys),
             )  # fmt: skip
     for group, named in changes.items():
         if not named:
@@ -258,6 +303,40 @@ def _apply_overrides(data: dict[str, Any], overrides: Mapping[str, Any]) -> dict
                 [Problem(f"{group}.{p.key}", p.value, p.allowed) for p in error.problems]
             ) from None
     return data | {"overrides": kept}
+
+
+def overridden_helmet(name: str, overrides: Mapping[str, Any]) -> Helmet:
+    """The helmet of a name, with the ``helmet.*`` of a setup's overrides applied.
+
+    Raises:
+        SetupError: the helmet's file, or a value in the overrides, is refused.
+    """
+    prefix = "helmet."
+    changes = {k[len(prefix) :]: v for k, v in overrides.items() if k.startswith(prefix)}
+    try:
+        return worn(load_helmet(name), changes)
+    except SetupError as error:
+        if error.source:  # the helmet file itself is bad
+            raise
+        raise SetupError(
+            [Problem(_prefixed(prefix, p.key), p.value, p.allowed) for p in error.problems]
+        ) from None
+
+
+def told_helmet(helmet: Helmet) -> dict[str, Any]:
+    """Every value of a helmet by its dotted name; of a bare head those that have an effect."""
+    values = leaf_values(helmet)
+    if helmet.coupling == "none":
+        values = {k: v for k, v in values.items() if k.startswith((*BARE, "coupling"))}
+    return {f"helmet.{k}": v for k, v in values.items()}
+
+
+def surface_of_head(name: str, head: Head) -> HeadSurface:
+    """A head surface, with the friction that was set for the head."""
+    surface = load_head_surface(name)
+    if head.friction is None:
+        return surface
+    return surface.replaced({"friction": head.friction})  # type: ignore[no-any-return]
 
 
 def _prefixed(prefix: str, key: str) -> str:

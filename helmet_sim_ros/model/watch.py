@@ -2,29 +2,40 @@
 
 from __future__ import annotations
 
+import math
+
 import mujoco
 import numpy as np
 
+from helmet_sim_ros.model.fall.setup import Fall
 from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.layout import Layout
 from helmet_sim_ros.model.loop import Forces, Rows
 from helmet_sim_ros.model.setup import ImpactSetup
+from helmet_sim_ros.model.surface.compiled import Surface
 
 MARGIN = 1.02  # of the initial kinetic energy, for the integrator's error
 BOTTOMED = 0.95  # strain of a column beyond which its foam law is a guess
 
 
 def most_energy(
-    model: mujoco.MjModel, data: mujoco.MjData, setup: ImpactSetup
+    model: mujoco.MjModel, data: mujoco.MjData, setup: ImpactSetup | Fall, surface: Surface
 ) -> tuple[float, float, float]:
     """The most kinetic energy [J] at the start of an impact, how fast gravity can add to it [W],
     and the rate of change of that [W/s].
 
     Nothing but gravity g can speed the mass m up: it falls at most v t + g t^2 / 2. One tenth of a
-    second's worth is added for what the posture's springs hold.
+    second's worth is added for what the posture's springs hold. What moves may throw the rider back
+    twice as fast as it moves.
     """
     mass, speed = float(model.body_subtreemass[1]), float(np.linalg.norm(data.qvel[:3]))
     start = 0.5 * mass * speed**2
+    if isinstance(setup, Fall) or setup.state is not None:  # not all move as one
+        mujoco.mj_fwdPosition(model, data)
+        mujoco.mj_energyVel(model, data)
+        fastest = 2.0 * float(np.linalg.norm(surface.velocity, axis=1).max())
+        speed = math.sqrt(2.0 * float(data.energy[1]) / mass) + fastest
+        start = 0.5 * mass * speed**2
     weight = mass * setup.gravity
     return (
         MARGIN * start + 0.1 * weight * (1.0 + speed) + 1.0,

@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helmet_sim_ros.biomech.record import FloatArray
+from helmet_sim_ros.model.fall.setup import Fall
+from helmet_sim_ros.model.fall.start import start_fall
 from helmet_sim_ros.model.force.bodies import Chains, chains
 from helmet_sim_ros.model.force.columns import Columns, as_now, columns, no_columns
 from helmet_sim_ros.model.force.contact import Contact
@@ -24,14 +26,16 @@ from helmet_sim_ros.model.geometry import read_geometry
 from helmet_sim_ros.model.headform import Headform
 from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.layout import Layout
-from helmet_sim_ros.model.placement import place
+from helmet_sim_ros.model.placement import place, resume
 from helmet_sim_ros.model.rider.anthropometry import Segment, anthropometry
 from helmet_sim_ros.model.rider import tissue
 from helmet_sim_ros.model.rider.body import add_body
 from helmet_sim_ros.model.rider.neck import cervical_spine, set_rest
+from helmet_sim_ros.model.rider.posing import Posing
 from helmet_sim_ros.model.rider.properties import Rider
 from helmet_sim_ros.model.rider.self_contact import self_contact
 from helmet_sim_ros.model.setup import ImpactSetup
+from helmet_sim_ros.model.state import read_state
 from helmet_sim_ros.model.surface.compiled import Surface
 from helmet_sim_ros.model.surface.config import SurfaceConfig
 from helmet_sim_ros.model.surface.drawing import add_geoms
@@ -99,24 +103,32 @@ class World:
     notes: tuple[str, ...]
 
 
-def build(setup: ImpactSetup, helmet: Helmet) -> World:
-    """Compile the model of a setup and place it at the first touch of the surface."""
+def build(setup: ImpactSetup | Fall, helmet: Helmet) -> World:
+    """Compile the model of a setup and place it: at the first touch of the surface, or where a
+    fall starts."""
     steps = substeps(setup, helmet)
     parts = _parts(
         setup.rig, setup.rider, helmet, setup.resolved_neck_flexion_deg,
-        setup.gravity, setup.time_step / steps, setup.surface_config, setup.headform,
+        setup.gravity, setup.time_step / steps, setup.surface_config, setup.headform, setup.posing,
     )  # fmt: skip
-    surface = setup.surface_config.compiled(setup.friction)
+    data, notes = mujoco.MjData(parts.model), ()  # type: tuple[mujoco.MjData, tuple[str, ...]]
+    state = setup.state if isinstance(setup, ImpactSetup) else None
+    time = 0.0 if state is None else read_state(state).time
+    surface = setup.surface_config.moving(setup.friction, time)
     contact = parts.contact.fresh(len(surface.kind))
-    data = mujoco.MjData(parts.model)
-    notes = place(parts.model, data, contact, surface, setup, helmet)
+    if isinstance(setup, Fall):
+        start_fall(parts.model, data, contact, surface, setup)
+    elif state is not None:
+        resume(parts.model, data, parts.layout, surface, setup, read_state(state))
+    else:
+        notes = place(parts.model, data, contact, surface, setup, helmet)
     return World(parts, data, surface, contact, steps, notes)
 
 
 @lru_cache(maxsize=8)
 def _parts(
     rig: str, rider: Rider, helmet: Helmet, neck_flexion_deg: float, gravity: float, step: float,
-    surface: SurfaceConfig, form: Headform | None,
+    surface: SurfaceConfig, form: Headform | None, posing: Posing | None,
 ) -> Parts:  # fmt: skip
     spec = _empty_world(gravity, step)
     add_geoms(spec, surface, GROUND_COLOR)
@@ -130,10 +142,12 @@ def _parts(
     held = HELD if rig == "monorail" else 1.0
     _rigid(head, segment.mass, [0.0, 0.0, 0.0], [held * i for i in segment.inertia])
     _add_helmet(spec, head, helmet)
-    _add_sensors(spec, rig)
+    _add_sensors(spec, rig, "head" if helmet.coupling == "none" else "helmet")
     model = spec.compile()
     if rig == "rider":
         set_rest(model, math.radians(neck_flexion_deg))
+    if posing is not None:
+        posing.set(model)
     foam = helmet.coupling == "foam"
     return Parts(
         model, spec, _ellipsoids(model, helmet, body.scale), columns(helmet) if foam else no_columns(),
@@ -156,7 +170,7 @@ def _damped_diagonal(model: mujoco.MjModel) -> tuple[NDArray[np.int64], FloatArr
     return diagonal.astype(np.int64), model.opt.timestep * model.dof_damping
 
 
-def substeps(setup: ImpactSetup, helmet: Helmet) -> int:
+def substeps(setup: ImpactSetup | Fall, helmet: Helmet) -> int:
     """Integration steps per sample, so that the explicit forces stay stable.
 
     The stiffest modes are those of the two light masses m on either side of the spring, whose
@@ -168,6 +182,12 @@ def substeps(setup: ImpactSetup, helmet: Helmet) -> int:
     margin for what the body adds.
     """
     step, pad, shell = MAX_STEP, helmet.padding, helmet.shell
+    own = _head(setup.rider, setup.headform).mass
+    if helmet.coupling == "none":
+        stiffness = shell.contact_stiffness / shell.contact_returned
+        force = math.sqrt(shell.contact_stiffness * own) * setup.closing_speed
+        step = min(step, _longest(own, stiffness, shell.contact_damping * force))
+        return math.ceil(setup.time_step / max(step, MIN_STEP) - 1e-9)
     inside = np.sort(np.array(shell.semi_axes) - helmet.liner.thickness)
     area = math.pi * inside[1] * inside[2]  # the largest that is pressed at once
     padding, rubbing = area * pad.modulus / pad.thickness, area * pad.modulus * pad.damping
@@ -176,8 +196,7 @@ def substeps(setup: ImpactSetup, helmet: Helmet) -> int:
         step = min(step, _longest(mass, max(padding, area * STIFFEST), rubbing))
     else:
         loss = helmet.spring.energy_loss
-        head = _head(setup.rider, setup.headform).mass
-        energy = 0.5 * BODY_MARGIN * (head + helmet.mass) * setup.normal_velocity**2
+        energy = 0.5 * BODY_MARGIN * (own + helmet.mass) * setup.closing_speed**2
         for scale, exponent in law_table(helmet.spring):
             depth, force = deepest(scale, exponent, energy)
             spring = unloading_exponent(exponent, depth, loss) * force
@@ -227,6 +246,8 @@ def _add_helmet(spec: mujoco.MjSpec, head: mujoco.MjsBody, helmet: Helmet) -> No
     helmet, but carries in translation the mass of its struck part only; the rest is carried by the
     head. Of a spring helmet the struck shell moves on three slides against the liner's inside.
     """
+    if helmet.coupling == "none":
+        return
     center = list(helmet.shell.center if helmet.mass_center is None else helmet.mass_center)
     spring = helmet.coupling == "spring"
     struck, inside = helmet.shell.effective_mass, helmet.liner.effective_mass
@@ -275,13 +296,14 @@ def _rigid(body: mujoco.MjsBody, mass: float, at: list[float], inertia: list[flo
     body.explicitinertial = True
 
 
-def _add_sensors(spec: mujoco.MjSpec, rig: str) -> None:
-    """Motion of the head frame, and what helmet and neck transmit (MuJoCo: parent on child)."""
+def _add_sensors(spec: mujoco.MjSpec, rig: str, helmet: str) -> None:
+    """Motion of the head frame and of the body ``helmet``, and what the neck transmits (MuJoCo:
+    parent on child)."""
     kind, frame, site = mujoco.mjtSensor, mujoco.mjtObj.mjOBJ_XBODY, mujoco.mjtObj.mjOBJ_SITE
     sensors = [
         ("head_position", kind.mjSENS_FRAMEPOS, frame, "head"),
         ("head_orientation", kind.mjSENS_FRAMEQUAT, frame, "head"),
-        ("helmet_orientation", kind.mjSENS_FRAMEQUAT, frame, "helmet"),
+        ("helmet_orientation", kind.mjSENS_FRAMEQUAT, frame, helmet),
         ("head_velocity", kind.mjSENS_FRAMELINVEL, frame, "head"),
         ("head_angular_velocity", kind.mjSENS_FRAMEANGVEL, frame, "head"),
         ("head_specific_force", kind.mjSENS_FRAMELINACC, frame, "head"),
@@ -297,9 +319,9 @@ def _add_sensors(spec: mujoco.MjSpec, rig: str) -> None:
 
 
 def _ellipsoids(model: mujoco.MjModel, helmet: Helmet, scale: float) -> Contact:
-    """The shell of a spring helmet, and every geom of the body; a capsule touches with the
-    spheres at its ends."""
-    shell = int(model.body("helmet").id)
+    """The shell of a spring helmet or the bare head, and every geom of the body; a capsule touches
+    with the spheres at its ends."""
+    shell = int(model.body("head" if helmet.coupling == "none" else "helmet").id)
     geoms = np.flatnonzero((model.geom_bodyid != 0) & (model.geom_bodyid != shell))
     capsule = model.geom_type[geoms] == int(mujoco.mjtGeom.mjGEOM_CAPSULE)
     ends = np.concatenate([[-1.0, 1.0] if both else [0.0] for both in capsule] or [[]])
@@ -316,7 +338,7 @@ def _ellipsoids(model: mujoco.MjModel, helmet: Helmet, scale: float) -> Contact:
     law = np.array(
         [_landing(model, scale, int(b), m) for b, m in zip(body, mass, strict=True)]
     ).reshape(-1, 8)
-    if helmet.coupling == "spring":
+    if helmet.coupling != "foam":
         own = helmet.shell
         body = np.concatenate([[shell], body])
         center = np.vstack([own.center, center])

@@ -18,7 +18,7 @@ from helmet_sim_ros.model.force.bodies import Motion, rigid, velocity_at
 from helmet_sim_ros.model.force.contact import Contact, center_of, touch
 from helmet_sim_ros.model.force.liner import CrushingLiner
 from helmet_sim_ros.model.force.tissue import FAST, elastic_force
-from helmet_sim_ros.model.force.vector import Vec, add, dot, matrix, norm, row, turned
+from helmet_sim_ros.model.force.vector import Vec, add, dot, matrix, norm, row, sub, turned
 from helmet_sim_ros.model.surface.compiled import Surface
 from helmet_sim_ros.model.surface.deepest import deepest_point
 from helmet_sim_ros.model.surface.shapes import signed_distance
@@ -33,7 +33,8 @@ class Limits(NamedTuple):
     peaks and cost.
 
     Attributes:
-        flight: longest step without any contact [s]; ``calm``: in contact [s].
+        free: longest step before a strike of the head [s]; ``calm``: after one, with what it loaded
+            held [s].
         body: shortest step that the body asks for [s].
         depth_share: of a tissue's thickness, that a step may press [-].
         speed_change: of what is pressed in a step [m/s]; ``turn_change``: of a joint [rad/s].
@@ -43,7 +44,7 @@ class Limits(NamedTuple):
             it lies on [m/s].
     """
 
-    flight: float = 1e-3
+    free: float = 5e-4
     calm: float = 1e-3
     body: float = 1e-4
     depth_share: float = 0.04
@@ -82,10 +83,13 @@ class Pace(NamedTuple):
 
 
 @inlined
-def closing(motion: Motion, body: int, point: Vec, normal: Vec, reach: float, gap: float) -> float:
-    """How fast a part comes closer at most [m/s]: where it touches, or anywhere within reach."""
+def closing(
+    motion: Motion, body: int, point: Vec, normal: Vec, reach: float, gap: float, shape: Vec
+) -> float:
+    """How fast a part comes closer to a shape of that velocity at most [m/s]: where it touches, or
+    anywhere within reach."""
     moving = rigid(motion, body)
-    speed: float = -dot(velocity_at(moving, point), normal)
+    speed: float = -dot(sub(velocity_at(moving, point), shape), normal)
     if gap > 0.0:
         speed += norm(moving.spin) * reach
     return speed
@@ -107,7 +111,8 @@ def gap_of(
         gap = -depth
         if gap > 0.0:
             point = center
-    return gap, closing(motion, contact.body[i], point, normal, reach, gap)
+    shape = row(surface.velocity, k)
+    return gap, closing(motion, contact.body[i], point, normal, reach, gap, shape)
 
 
 @inlined
@@ -133,7 +138,7 @@ def liner_gap(
         gap, normal = -depth - slack, (nx, ny, nz)
         if gap <= 0.0:
             point = (px, py, pz)
-    return gap, closing(motion, body, point, normal, reach, gap)
+    return gap, closing(motion, body, point, normal, reach, gap, row(surface.velocity, k))
 
 
 @inlined
@@ -183,7 +188,7 @@ def wanted(
     motion: Motion,
     acceleration: FloatArray,
     struck: float,
-    flying: bool,
+    held: bool,
 ) -> float:
     """The next step [s]; ``pace.fine``: the head strikes.
 
@@ -191,10 +196,10 @@ def wanted(
         pace, contact, liner, surface, motion: present.
         acceleration: of all degrees of freedom in the last step.
         struck: force on the helmet in the last step [N].
-        flying: whether nothing touched in the last step.
+        held: whether the helmet was struck and is held, see ``Limits.calm``.
     """
     limits = pace.limits
-    step = limits.flight if flying else limits.calm
+    step = limits.calm if held else limits.free
     body = step
     for dof in pace.hinges:
         turning = abs(acceleration[dof])

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from typing import Any, NamedTuple
 
-from helmet_sim_ros.biomech.record import FloatArray
+from helmet_sim_ros.biomech.record import DENSE, FloatArray
 from helmet_sim_ros.errors import DivergedError
 from helmet_sim_ros.model.compiled import compiled
 from helmet_sim_ros.model.energy import mechanical_energy
@@ -28,8 +28,10 @@ from helmet_sim_ros.model.force.bodies import (
     add_generalised,
     clear,
 )
+from helmet_sim_ros.model.fall.setup import Fall
 from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.impact import Impact
+from helmet_sim_ros.model.surface.carrier import carry
 from helmet_sim_ros.model.loop import (
     WATCHED,
     Clock,
@@ -47,12 +49,15 @@ from helmet_sim_ros.model.loop import (
     _velocity,
     sample,
 )
+from helmet_sim_ros.model.setup import ImpactSetup
 
 _com_vel = _mujoco_function("mj_comVel")
 
 THIN = 2e-3  # s between samples where the head does not strike; choice
 LOOKS = 8  # fine steps from one look ahead to the next; choice
 ROWS = 4096  # rows at first; doubled when they are full
+PIECE = 1e-4  # s, steps of what moves and gives way around the rider
+QUICK = 2.0  # m/s, rad/s, between head and shell; choice
 RELEASED = 0.05  # s, in which spring and padding let go after a strike; choice
 GROUND, TOUCH, FLIGHT = range(3)
 #: Times the first stiffness of padding and spring: what long steps assume, and what more where a
@@ -110,7 +115,7 @@ def apply_forces(forces: Forces, step: float, motion: Motion, loads: Loads) -> N
         else:
             liner.apply(forces.liner, forces.surface, step, motion, loads)
     else:
-        spring.apply(forces.spring, motion, loads)
+        spring.apply(forces.spring, step, motion, loads)
 
 
 @compiled
@@ -167,6 +172,29 @@ def integrate(
 
 
 @compiled
+def synchronise(qvel: FloatArray, acceleration: FloatArray, pace: Pace, late: float) -> None:
+    """Velocities ``late`` [s] later: those of a step are half a step old. What moves quickly
+    between head and shell is left as it is."""
+    for k in range(len(qvel)):
+        if pace.stiffness[k] == 0.0:
+            qvel[k] += late * acceleration[k]
+
+
+@compiled
+def is_held(pace: Pace, qvel: FloatArray, progress: Progress, flying: bool) -> bool:
+    """Whether long steps damp what moves between head and shell: while and after it is struck, and
+    wherever it moves faster than a long step follows."""
+    if progress.struck[0] > 0.0 or progress.time[0] < progress.fine_until[0] + RELEASED:
+        return True
+    if progress.fine_until[0] > 0.0 and not flying:
+        return True
+    for k in range(len(qvel)):
+        if pace.stiffness[k] > 0.0 and abs(qvel[k]) > QUICK:
+            return True
+    return False
+
+
+@compiled
 def advance_fall(
     engine: Engine,
     motion: Motion,
@@ -199,11 +227,12 @@ def advance_fall(
             correct(flight, motion, time[0])
         _velocity(model, data)
 
+        pressed = is_held(pace, motion.qvel, progress, flying)
         step = pace.fine
         if time[0] >= progress.fine_until[0] or steps[0] % LOOKS == 0:
             step = wanted(
                 pace, forces.contact, forces.liner, forces.surface, motion, engine.acceleration,
-                progress.struck[0], flying,
+                progress.struck[0], pressed,
             )  # fmt: skip
             if step <= pace.fine:
                 progress.fine_until[0] = max(progress.fine_until[0], time[0] + pace.limits.after)
@@ -215,7 +244,6 @@ def advance_fall(
         apply_forces(forces, step, motion, loads)
         add_generalised(motion, loads, engine.chains)
         before = progress.before[0]
-        pressed = progress.struck[0] > 0.0 or time[0] < progress.fine_until[0] + RELEASED
         state = FLIGHT
         if is_touched(loads):
             state = TOUCH if flying else GROUND
@@ -239,15 +267,28 @@ def advance_fall(
                 liner.crush(forces.liner, forces.surface, motion, log.rows.crush[row])
             log.time[row] = time[0]
             log.dense[row] = fine
+            late = 0.5 * before if state == GROUND and not fine else 0.0
+            if late > 0.0:
+                synchronise(motion.qvel, engine.acceleration, pace, late)
+                log.rows.qvel[row] = motion.qvel
             if len(log.energy):
+                if late > 0.0:
+                    _com_vel(model, data)
                 log.energy[row] = mechanical_energy(engine, forces, motion)
+            if late > 0.0:
+                synchronise(motion.qvel, engine.acceleration, pace, -late)
+                if len(log.energy):
+                    _com_vel(model, data)
             progress.due[0] = time[0] + pace.thin
             row += 1
         if not integrate(engine, motion, loads, pace, step, before, state, pressed):
             return -1 - row
+        pieces = max(1, round(step / PIECE))
+        for _ in range(pieces):
+            carry(forces.surface, step / pieces)
         progress.before[0] = step
         time[0] += step
-        progress.taken[0 if fine else 1 if step < 0.5 * pace.limits.calm else 2] += 1
+        progress.taken[0 if fine else 1 if step < 0.9 * pace.limits.free else 2] += 1
     return row
 
 
@@ -263,7 +304,7 @@ class Falling(Impact):
 
     def __init__(
         self,
-        setup: Any,
+        setup: ImpactSetup | Fall,
         crush: FloatArray | None = None,
         helmet: Helmet | None = None,
         *,
@@ -327,6 +368,10 @@ class Falling(Impact):
                 raise DivergedError(float(self._progress.time[0]), self.setup.described())
         return self._done
 
+    def extras(self) -> dict[str, Any]:
+        """See :meth:`Impact.extras`; with ``dense``."""
+        return super().extras() | {DENSE: self.dense}
+
     def run(self) -> None:
         """Step to the end."""
         while not self.is_over:
@@ -353,24 +398,23 @@ def _room(array: Any, done: int, size: int) -> Any:
 def pace_of(fall: Falling, thin: float, limits: Limits) -> Pace:
     """What the choice of the step knows of a fall."""
     model, layout, setup, helmet = fall._model, fall.layout, fall.setup, fall.helmet
-    ours = {layout.helmet, layout.head}
-    pad, axes = helmet.padding, np.array(helmet.shell.semi_axes)
-    around = np.pi * np.sort(axes)[1:].prod() * pad.modulus / pad.thickness  # as the whole section
     stiffness, pressed = np.zeros(model.nv), np.zeros(model.nv)
-    dof = layout.fit_velocity
-    stiffness[dof : dof + 3] = around
-    stiffness[dof + 3 : dof + 6] = around * float(np.min(axes)) ** 2
+    if helmet.coupling != "none":
+        padding, axes = helmet.padding, np.array(helmet.shell.semi_axes)
+        section = np.pi * np.sort(axes)[1:].prod()
+        around = section * padding.modulus / padding.thickness
+        dof = layout.fit_velocity
+        stiffness[dof : dof + 3] = around
+        stiffness[dof + 3 : dof + 6] = around * float(np.min(axes)) ** 2
     if layout.slide_velocity >= 0:
-        spring_ = fall._forces.spring.law
-        steepest = float((spring_[:, 0] * spring_[:, 1]).max())
-        contact_ = helmet.shell.contact_stiffness / helmet.shell.contact_returned
-        slides = slice(layout.slide_velocity, layout.slide_velocity + 3)
-        stiffness[slides], pressed[slides] = steepest, contact_
+        law, slides = fall._forces.spring.law, slice(layout.slide_velocity, layout.slide_velocity + 3)
+        stiffness[slides] = float((law[:, 0] * law[:, 1]).max())
+        pressed[slides] = helmet.shell.contact_stiffness / helmet.shell.contact_returned
     pressed += HELD * stiffness
     stiffness *= PADDED
     substeps = fall._clock.substeps
     return Pace(
         setup.time_step / substeps, substeps, thin,
-        np.array([int(body) in ours for body in fall.contact.body], dtype=bool),
+        np.isin(fall.contact.body, [layout.helmet, layout.head]),
         stiffness, pressed, model.dof_damping.copy(), fall._forces.stops.qvel.copy(), limits,
     )  # fmt: skip

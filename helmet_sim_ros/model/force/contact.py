@@ -37,8 +37,10 @@ from helmet_sim_ros.model.force.vector import (
     matrix,
     row,
     scaled,
+    sub,
     turned,
 )
+from helmet_sim_ros.model.surface.carrier import react, share_of_body
 from helmet_sim_ros.model.surface.compiled import Surface
 from helmet_sim_ros.model.surface.deepest import deepest_point
 from helmet_sim_ros.model.surface.shapes import signed_distance
@@ -211,10 +213,12 @@ def press(
         stick[:] = 0.0
         contact.peak[i, k] = 0.0
         return
+    if contact.body[i] != contact.helmet:
+        depth *= share_of_body(surface, k, contact.stiffness[i])
     contact.peak[i, k] = max(contact.peak[i, k], depth)
     depth = effective_depth(contact, i, k, depth)
     body, stiffness = contact.body[i], contact.stiffness[i]
-    velocity = velocity_at(rigid(motion, body), point)
+    velocity = sub(velocity_at(rigid(motion, body), point), row(surface.velocity, k))
     rate = -dot(velocity, normal)
     if contact.thickness[i] == math.inf:
         pressed = normal_force(stiffness, contact.damping[i], depth, rate)
@@ -229,4 +233,6 @@ def press(
     force = add(scaled(normal, pressed), friction)
     push(motion, loads, body, point, force)
     receiver = HELMET if body == contact.helmet else BODY
+    if receiver == HELMET:
+        react(surface, k, force)
     count_surface(loads, receiver, force, cross(point, force), friction)

@@ -288,6 +288,8 @@ def apply(fit: Fit, step: float, motion: Motion, loads: Loads) -> None:
         motion, loads: of the bodies; ``loads.coupling`` gets force and moment about the helmet
             frame's origin of the helmet on the head, head axes.
     """
+    if fit.slide < 0:  # a bare head
+        return
     qpos, qvel, q, v = motion.qpos, motion.qvel, fit.slide, fit.slide_velocity
     points, areas, sticks, deepest = fit.point, fit.area, fit.stick, fit.deepest
     padding, strap = fit.padding, fit.strap
@@ -346,6 +348,8 @@ def held_energy(fit: Fit, qpos: FloatArray) -> float:
         fit: with the state that :func:`apply` left for the same positions.
         qpos: generalised positions.
     """
+    if fit.slide < 0:
+        return 0.0
     padding, strap = fit.padding, fit.strap
     shift = (qpos[fit.slide], qpos[fit.slide + 1], qpos[fit.slide + 2])
     rotation = rotation_of(qpos, fit.slide + 3)

@@ -47,6 +47,7 @@ from helmet_sim_ros.model.force.vector import (
     turned_back,
 )
 from helmet_sim_ros.model.helmet import Helmet
+from helmet_sim_ros.model.surface.carrier import farthest, react, remember
 from helmet_sim_ros.model.surface.compiled import HALF_SPACE, Surface
 from helmet_sim_ros.model.surface.deepest import deepest_point
 from helmet_sim_ros.model.surface.shapes import nearest, signed_distance
@@ -120,8 +121,8 @@ def crushing_liner(
 
 @inlined
 def is_flat(surface: Surface) -> bool:
-    """Whether the surface is one plane."""
-    return len(surface.kind) == 1 and surface.kind[0] == HALF_SPACE
+    """Whether the surface is one plane at rest."""
+    return len(surface.kind) == 1 and surface.kind[0] == HALF_SPACE and len(surface.carrier) == 0
 
 
 @compiled
@@ -144,7 +145,7 @@ def moved(near: Near, surface: Surface, position: FloatArray, rotation: FloatArr
     for k in range(9):
         turn += (rotation[k] - near.rotation[k]) ** 2
     # The spectral norm of a difference of rotations is its Frobenius norm over sqrt(2).
-    return float(travel**0.5 + (0.5 * turn) ** 0.5 * REACH)
+    return float(travel**0.5 + (0.5 * turn) ** 0.5 * REACH) + farthest(surface)
 
 
 @compiled
@@ -157,6 +158,7 @@ def find_near(liner: CrushingLiner, surface: Surface, motion: Motion) -> None:
         return
     near.position[:] = position
     near.rotation[:] = rotation
+    remember(surface)
     helmet = rigid(motion, liner.helmet)
     listed, distances = near.listed, near.distance
     distances[:] = np.inf
@@ -228,7 +230,7 @@ def apply(
         area = areas[i] * share * cosine
         # The crushed shell lies on the surface: velocity of the helmet frame there.
         touch = add(point, scaled(normal, -distance))
-        slip = across(velocity_at(helmet, touch), normal)
+        slip = across(sub(velocity_at(helmet, touch), row(surface.velocity, shape)), normal)
         # Crushed cell walls have buckled: they yield in shear along the secant modulus.
         secant = loading_stress(largest[i], foam) / largest[i]
         per_modulus = area / (2.0 * (1.0 + POISSON) * thickness)
@@ -237,6 +239,7 @@ def apply(
             foam[MODULUS] * per_modulus, secant * per_modulus, limit, slip, normal, step, stick
         )
         pushed = add(scaled(normal, stress * area), rubbed)
+        react(surface, shape, pushed)
         force, friction = add(force, pushed), add(friction, rubbed)
         moment = add(moment, cross(touch, pushed))
     load(loads, liner.helmet, force, sub(moment, cross(helmet.origin, force)))

@@ -52,7 +52,7 @@ from helmet_sim_ros.model.force.liner import (
 from helmet_sim_ros.model.force.vector import Vec, across, add, cross, dot, row, scaled, sub, turned
 from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.surface.compiled import COLUMNS as SIZES
-from helmet_sim_ros.model.surface.compiled import HALF_SPACE, Surface
+from helmet_sim_ros.model.surface.compiled import HALF_SPACE, Surface, at_rest
 from helmet_sim_ros.model.surface.deepest import deepest_point
 from helmet_sim_ros.model.surface.shapes import signed_distance, tangent
 
@@ -133,7 +133,7 @@ def plate(helmet: Helmet, liner: CrushingLiner) -> Plate:
         fastest = math.sqrt((64.0 * stiffness / cell**4 + crowded * steep) / MASS)
         lag = 2.0 * DAMPING / fastest
         longest = SHARE * 2.0 / fastest * (math.hypot(1.0, DAMPING) - DAMPING)
-    plane = Surface(
+    plane = at_rest(
         np.array([HALF_SPACE]),
         np.zeros((1, 3)),
         np.zeros((1, 9)),
@@ -150,8 +150,11 @@ def plate(helmet: Helmet, liner: CrushingLiner) -> Plate:
 
 @compiled
 def spreads(plate: Plate, surface: Surface) -> bool:
-    """Whether the plate changes anything: it bends, and the surface is not one plane."""
-    return plate.stiffness > 0.0 and not is_flat(surface)
+    """Whether the plate changes anything: it bends, and the surface is not one plane.
+
+    On what moves or gives way it is left out: its grid rests in the world.
+    """
+    return plate.stiffness > 0.0 and not is_flat(surface) and len(surface.carrier) == 0
 
 
 @compiled

@@ -1,9 +1,14 @@
-"""Joint stops: beyond its range a joint meets a ligament that hardens, and hardly throws back.
+"""Joint stops and what else a joint resists with, beside its spring and damper.
+
+Beyond its range a joint meets a ligament that hardens, and hardly throws back.
 
 The torque beyond the limit by e is K e (1 + (e / e0)^2), damped as soft tissue is: it never pulls
 back into the stop, and the joint leaves it at 1 / ``DAMPING`` at most. Ligaments of joints are
 sized for what swings on them: K follows the inertia behind the joint. MuJoCo's own limits are
 constraints; while one is active a step costs half as much again.
+
+Limbs also resist with a friction that holds them against a share of gravity: muscles of a conscious
+man are never slack. Dummies' limbs are set to hold against the whole of it (49 CFR 572, "1 g").
 """
 
 from __future__ import annotations
@@ -24,6 +29,9 @@ STIFFENS = math.radians(4.0)  # e0; choice, as the neck's
 FREQUENCY = 250.0  # rad/s, of what hangs on a joint at its stop: 60 rad/s pass it by 0.14 rad
 LEAST = 0.05  # kg m^2, of hand and foot: what they are part of turns, where they are held
 DAMPING = 0.5  # s/rad; choice
+HELD = 0.25  # of gravity, against which a limb holds itself; choice
+SLOW = 0.5  # rad/s, below which that friction fades to a damper; choice
+TRUNK = ("lumbar", "thoracic")  # joints that springs hold
 
 
 class Stops(NamedTuple):
@@ -34,6 +42,7 @@ class Stops(NamedTuple):
         low, high: range, (n,) [rad].
         stiffness: beyond it, (n,) [N m/rad].
         inertia: that moves least against the joint, at rest, (n,) [kg m^2].
+        friction: (n,) [N m].
     """
 
     qpos: NDArray[np.int64]
@@ -42,6 +51,7 @@ class Stops(NamedTuple):
     high: FloatArray
     stiffness: FloatArray
     inertia: FloatArray
+    friction: FloatArray
 
 
 def joint_stops(model: mujoco.MjModel) -> Stops:
@@ -52,7 +62,7 @@ def joint_stops(model: mujoco.MjModel) -> Stops:
     inertia = joint_inertia(model)[dofs]
     return Stops(
         model.jnt_qposadr[joints].astype(np.int64), dofs, low, high,
-        FREQUENCY**2 * np.maximum(inertia, LEAST), inertia,
+        FREQUENCY**2 * np.maximum(inertia, LEAST), inertia, HELD * weights(model, joints),
     )  # fmt: skip
 
 
@@ -67,6 +77,21 @@ def joint_inertia(model: mujoco.MjModel) -> FloatArray:
     return inertia
 
 
+def weights(model: mujoco.MjModel, joints: NDArray[np.int64]) -> FloatArray:
+    """The most that the weight of what hangs on a joint turns it in the rest posture, 0 for the
+    trunk, (n,) [N m]."""
+    data = mujoco.MjData(model)
+    data.qpos[7:] = model.qpos_spring[7:]
+    mujoco.mj_fwdPosition(model, data)
+    turning = np.zeros(len(joints))
+    for i, joint in enumerate(joints):
+        if not model.joint(joint).name.startswith(TRUNK):
+            body = model.jnt_bodyid[joint]
+            arm = np.cross(data.xaxis[joint], data.subtree_com[body] - data.xanchor[joint])
+            turning[i] = model.body_subtreemass[body] * 9.80665 * float(np.linalg.norm(arm))
+    return turning
+
+
 @inlined
 def excess_of(stops: Stops, i: int, q: float) -> float:
     """How far joint i is beyond its range [rad], negative below it."""
@@ -75,15 +100,18 @@ def excess_of(stops: Stops, i: int, q: float) -> float:
 
 @compiled
 def apply(stops: Stops, step: float, motion: Motion, loads: Loads) -> None:
-    """Add the stops' torques [N m] to the generalised forces; ``step`` [s]."""
+    """Add the stops' and the friction's torques [N m] to the generalised forces; ``step`` [s]."""
     for i in range(len(stops.qpos)):
+        dof = stops.qvel[i]
+        speed = motion.qvel[dof]
+        viscous = stops.friction[i] / max(abs(speed), SLOW)
+        loads.generalised[dof] -= viscous * speed / (1.0 + viscous * step / stops.inertia[i])
         excess = excess_of(stops, i, motion.qpos[stops.qpos[i]])
         if excess != 0.0:
-            dof = stops.qvel[i]
             sense = 1.0 if excess > 0.0 else -1.0
             elastic = stops.stiffness[i] * abs(excess) * (1.0 + (excess / STIFFENS) ** 2)
             loads.generalised[dof] -= sense * resisting(
-                elastic, DAMPING, sense * motion.qvel[dof], step, stops.inertia[i]
+                elastic, DAMPING, sense * speed, step, stops.inertia[i]
             )
 
 

@@ -23,6 +23,17 @@ COLUMNS = 5
 Size = tuple[float, float, float, float, float]
 
 
+#: Columns of a row of :attr:`Surface.carrier`. Constants of the panel that a shape is the face of:
+#: stiffness [N/m] (0: rigid), effective mass [kg], damping [N s/m], share of the elastic energy
+#: returned [-]; and deceleration of what carries the shape [m/s^2].
+STIFFNESS, MASS, DAMPING, RETURNED, BRAKING = range(5)
+#: State: largest deflection so far [m]; then three each: where the shape would be undeflected [m]
+#: and how fast that moves [m/s], deflection of the panel [m] and its rate [m/s], and position when
+#: the liner last listed its columns [m].
+PEAK, PLACE, SPEED, DEFLECTION, RATE, LISTED = 5, 6, 9, 12, 15, 18
+CARRIED = 21
+
+
 class Surface(NamedTuple):
     """Shapes in compiled form; row i belongs to shape i.
 
@@ -32,6 +43,10 @@ class Surface(NamedTuple):
         rotation: shape axes to world, row-major, (n, 9).
         size: by kind, see the named columns, (n, COLUMNS).
         friction: of a shell on this shape, (n,) [-].
+        velocity: of the shape, world axes, (n, 3) [m/s]; state, 0 where nothing moves.
+        reaction: of what touches it on the shape, world axes, (n, 3) [N]; state.
+        carrier: how it moves and gives way, see ``STIFFNESS``, (n, CARRIED); without rows: nothing
+            moves.
     """
 
     kind: NDArray[np.int64]
@@ -39,3 +54,20 @@ class Surface(NamedTuple):
     rotation: FloatArray
     size: FloatArray
     friction: FloatArray
+    velocity: FloatArray
+    reaction: FloatArray
+    carrier: FloatArray
+
+
+def at_rest(
+    kind: NDArray[np.int64],
+    position: FloatArray,
+    rotation: FloatArray,
+    size: FloatArray,
+    friction: FloatArray,
+) -> Surface:
+    """Shapes that neither move nor give way."""
+    still = np.zeros((len(kind), 3))
+    return Surface(
+        kind, position, rotation, size, friction, still, still, np.zeros((0, CARRIED))
+    )  # fmt: skip

@@ -12,12 +12,24 @@ from pydantic import Field, model_validator
 
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.errors import Problem, SetupError
-from helmet_sim_ros.model.surface.compiled import Surface
+from helmet_sim_ros.model.surface.compiled import (
+    BRAKING,
+    CARRIED,
+    DAMPING,
+    MASS,
+    PLACE,
+    RETURNED,
+    SPEED,
+    STIFFNESS,
+    Surface,
+    at_rest,
+)
 from helmet_sim_ros.model.surface.parts import KINDS, HalfSpace, Part, Target, part_of
 from helmet_sim_ros.resources import find_config
 from helmet_sim_ros.schema import Config, quantity
 from helmet_sim_ros.yaml_file import read_yaml
 
+SCENE = "scene:"  # begins the name of a surface that is a scene
 ON_SURFACE = 1e-6  # m, how far from the surface a target may be
 PROBE = 1e-3  # m, along a normal; the distance grows as much, and only along a normal
 SLACK = 1e-6  # of that growth; the normal may be off by 0.08 deg
@@ -97,6 +109,42 @@ class SurfaceConfig(Config):
         """
         return compile_parts(self.shapes, self.friction, friction)
 
+    def moving(self, friction: float | None = None, time: float = 0.0) -> Surface:
+        """The shapes as they are at a time [s] after the start, with a state of their own where
+        anything moves or gives way; friction as in :meth:`compiled`."""
+        surface = self.compiled(friction)
+        if not self.is_carried:
+            return surface
+        carrier = np.zeros((len(self.shapes), CARRIED))
+        for row, part in zip(carrier, self.shapes, strict=True):
+            if part.panel is not None:
+                panel = part.panel
+                row[[STIFFNESS, MASS, DAMPING]] = panel.stiffness, panel.mass, panel.damping
+            row[RETURNED] = 1.0 if part.panel is None else part.panel.returned
+            row[BRAKING] = part.braking
+            velocity = np.array(part.velocity)
+            speed = float(np.linalg.norm(velocity))
+            driven = time if part.braking == 0.0 else min(time, speed / part.braking)
+            left = 0.0 if speed == 0.0 else 1.0 - part.braking * driven / speed
+            way = velocity * driven * 0.5 * (1.0 + left)
+            row[PLACE : PLACE + 3] = np.array(part.position) + way
+            row[SPEED : SPEED + 3] = velocity * left
+        position, velocity = carrier[:, PLACE : PLACE + 3], carrier[:, SPEED : SPEED + 3]
+        return surface._replace(
+            position=position.copy(), velocity=velocity.copy(),
+            reaction=np.zeros(position.shape), carrier=carrier,
+        )  # fmt: skip
+
+    @property
+    def is_carried(self) -> bool:
+        """Whether anything in it moves or gives way."""
+        return any(part.is_carried for part in self.shapes)
+
+    def name_of(self, index: int) -> str:
+        """What a report calls a shape."""
+        part = self.shapes[index]
+        return part.name or part.kind.replace("_", " ")
+
     @property
     def frame(self) -> tuple[FloatArray, FloatArray]:
         """The target: point (3,) [m], and local axes to world (3, 3).
@@ -131,7 +179,7 @@ def compile_parts(
         override if override is not None else common if part.friction is None else part.friction
         for part in parts
     ]
-    return Surface(
+    return at_rest(
         np.array([KINDS[part.kind][1] for part in parts], dtype=np.int64),
         np.array([part.position for part in parts], dtype=float),
         np.array([part.rotation.flatten() for part in parts]),
@@ -148,10 +196,15 @@ def _load(path: Path, _mtime_ns: int) -> SurfaceConfig:
 
 
 def load_surface(name_or_path: str) -> SurfaceConfig:
-    """The surface of ``config/surfaces/NAME.yaml``, or of any YAML file by path.
+    """The surface of ``config/surfaces/NAME.yaml``, or of any YAML file by path; ``scene:NAME`` is
+    the scene of ``config/scenes/NAME.yaml`` as one surface.
 
     Raises:
         SetupError: unknown name, unreadable file, or a refused value in it.
     """
+    if name_or_path.startswith(SCENE):
+        from helmet_sim_ros.model.surface.scenes import load_scene
+
+        return load_scene(name_or_path.removeprefix(SCENE), "impact.surface")
     path = find_config("surfaces", name_or_path, "impact.surface")
     return _load(path, path.stat().st_mtime_ns)

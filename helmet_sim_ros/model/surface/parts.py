@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Literal
 
 import numpy as np
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.errors import Problem, SetupError
@@ -18,8 +18,27 @@ from helmet_sim_ros.schema import Config, quantity
 Vector = tuple[float, float, float]
 
 
+class Panel(Config):
+    """What gives way behind the face of a shape: an effective mass on a spring and damper."""
+
+    stiffness: float = quantity("of the panel under the face", "N/m", ge=1e3, le=1e8)
+    mass: float = quantity("effective, of the struck part of the panel", "kg", ge=0.1, le=100.0)
+    damping_ratio: float = quantity("of panel and spring", "-", 0.1, ge=0.0, le=2.0)
+    returned: float = quantity(
+        "share of the elastic energy that the panel gives back", "-", 0.2, ge=0.02, le=1.0
+    )
+    source: str = Field("", description="where its numbers come from")
+
+    @property
+    def damping(self) -> float:
+        """Of the panel [N s/m]."""
+        return 2.0 * self.damping_ratio * math.sqrt(self.stiffness * self.mass)
+
+
 class _Part(Config):
     """Pose and friction of any shape; its kind gives the sizes."""
+
+    name: str = Field("", description="what a report calls the shape; unset: its kind")
 
     position: Vector = quantity("origin of the shape, world axes", "m", (0.0, 0.0, 0.0))
     tilt_deg: float = quantity(
@@ -32,6 +51,11 @@ class _Part(Config):
     friction: float | None = quantity(
         "of a shell on this shape; unset: the surface's", "-", None, ge=0.0, le=2.0
     )
+    panel: Panel | None = Field(None, description="what gives way behind it; unset: it is rigid")
+    velocity: Vector = quantity("of what carries the shape, at the start", "m/s", (0.0, 0.0, 0.0))
+    braking: float = quantity(
+        "deceleration of what carries it, until it stands", "m/s^2", 0.0, ge=0.0, le=1000.0
+    )
 
     @model_validator(mode="after")
     def _one_turn(self) -> _Part:
@@ -40,6 +64,11 @@ class _Part(Config):
                 "rotation_deg", self.rotation_deg, "must not be given beside tilt_deg"
             )
         return self
+
+    @property
+    def is_carried(self) -> bool:
+        """Whether it moves or gives way."""
+        return self.panel is not None or any(self.velocity)
 
     @property
     def rotation(self) -> FloatArray:

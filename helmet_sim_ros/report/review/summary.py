@@ -32,8 +32,9 @@ def label(setup: Setup) -> str:
 
 
 def varying(setups: Sequence[Setup]) -> list[str]:
-    """Names of the values in which setups differ, the order is that of the first setup."""
-    names = dict.fromkeys(name for setup in setups for name in setup)
+    """Names of the values in which setups differ, the order is that of the first setup; without the
+    state of a replayed head strike, a list that no table can show."""
+    names = dict.fromkeys(n for setup in setups for n in setup if n != "impact.state")
     return [n for n in names if any(s.get(n) != setups[0].get(n) for s in setups)]
 
 

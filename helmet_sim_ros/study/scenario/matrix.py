@@ -13,6 +13,7 @@ from typing import Any
 from pydantic import Field
 
 from helmet_sim_ros.errors import SetupError
+from helmet_sim_ros.model.fall.setup import Fall, fall_leaves, is_fall, setup_or_fall
 from helmet_sim_ros.model.setup import ImpactSetup, setup_from_names, setup_leaves
 from helmet_sim_ros.resources import find_config
 from helmet_sim_ros.schema import Config, leaf_values
@@ -34,16 +35,22 @@ SHORT_NAMES = {
     "impact.tangential_heading_deg": "heading",
     "impact.body_angle_deg": "angle",
     "sim.time_step": "dt",
+    "fall.preset": "",
+    "fall.scene": "",
+    "fall.speed": "v",
+    "fall.roll_deg": "roll",
+    "fall.pitch_deg": "pitch",
 }
 
 
 class ScenarioFile(Config):
     """What a scenario file holds.
 
-    Keys of ``common``, ``cases`` and ``product`` are the dotted names of the impact setup, written
-    out (``impact.friction: 0.4``) or as groups (``impact: {friction: 0.4}``); ``helmet: NAME`` is
-    short for ``helmet.name``. The cases are every item of ``cases`` combined with every combination
-    of the lists in ``product``, the last list varying fastest.
+    Keys of ``common``, ``cases`` and ``product`` are the dotted names of the impact setup, or of a
+    fall where any of them is ``fall.*``, written out (``impact.friction: 0.4``) or as groups
+    (``impact: {friction: 0.4}``); ``helmet: NAME`` is short for ``helmet.name``. The cases are
+    every item of ``cases`` combined with every combination of the lists in ``product``, the last
+    list varying fastest.
     """
 
     name: str = Field("", description="name of the scenario; unset: the file's name")
@@ -56,7 +63,7 @@ class ScenarioFile(Config):
 
 @dataclass(frozen=True)
 class Case:
-    """One impact of a scenario.
+    """One impact or fall of a scenario.
 
     Attributes:
         name: short and unique within the scenario.
@@ -66,7 +73,7 @@ class Case:
     """
 
     name: str
-    setup: ImpactSetup
+    setup: ImpactSetup | Fall
     values: Mapping[str, object]
     reference: Published | None = None
 
@@ -83,8 +90,13 @@ class Scenario:
 
     @property
     def setups(self) -> tuple[ImpactSetup, ...]:
-        """The setup of each case, in order."""
-        return tuple(case.setup for case in self.cases)
+        """The setup of each case, in order, without falls."""
+        return tuple(c.setup for c in self.cases if isinstance(c.setup, ImpactSetup))
+
+    @property
+    def falls(self) -> tuple[Fall, ...]:
+        """Each case that is a fall, in order."""
+        return tuple(c.setup for c in self.cases if isinstance(c.setup, Fall))
 
 
 def load_scenario(name_or_path: str | Path, **common: object) -> Scenario:
@@ -101,8 +113,10 @@ def load_scenario(name_or_path: str | Path, **common: object) -> Scenario:
     """
     path = find_config("scenarios", str(name_or_path), "scenario")
     file: ScenarioFile = ScenarioFile.from_mapping(read_yaml(path, "scenario"), str(path))
-    replaced = _dotted_arguments(common)
-    setup_from_names(replaced)
+    falls = is_fall(flatten(file.common, str(path)))
+    replaced = _dotted_arguments(common, falls)
+    if not falls:
+        setup_from_names(replaced)
     reference = _reference(file, path)
     cases = tuple(cases_of(file, path, replaced, reference))
     return Scenario(file.name or path.stem, file.description, cases, path, reference)
@@ -209,21 +223,22 @@ def _label(values: Mapping[str, object]) -> str:
     return " ".join(parts)
 
 
-def validated(values: Mapping[str, object], where: str) -> ImpactSetup:
-    """The setup of dotted names.
+def validated(values: Mapping[str, object], where: str) -> ImpactSetup | Fall:
+    """The impact or fall of dotted names.
 
     Raises:
         SetupError: unknown name or refused value; says that it stands in ``where``.
     """
     try:
-        return setup_from_names(values)
+        return setup_or_fall(values)
     except SetupError as error:
         raise error.within(f"{where}: {error.source}" if error.source else where) from None
 
 
-def _dotted_arguments(arguments: Mapping[str, object]) -> dict[str, object]:
-    """ImpactSetup keyword arguments by dotted name, ``overrides`` on top."""
-    names = {leaf.name.partition(".")[2]: leaf.name for leaf in setup_leaves()
+def _dotted_arguments(arguments: Mapping[str, object], falls: bool) -> dict[str, object]:
+    """Keyword arguments of ImpactSetup or Fall by dotted name, ``overrides`` on top."""
+    known_leaves = fall_leaves() if falls else setup_leaves()
+    names = {leaf.name.partition(".")[2]: leaf.name for leaf in known_leaves
              if not leaf.name.startswith("rider.")}  # fmt: skip
     values: dict[str, object] = {}
     for key, value in arguments.items():

@@ -16,10 +16,12 @@ from pydantic import Field, model_validator
 from helmet_sim_ros.biomech.catalogue import CATALOGUE, entry
 from helmet_sim_ros.biomech.standards import DEFAULT_STANDARD, load_standard
 from helmet_sim_ros.errors import PulseError, SetupError
+from helmet_sim_ros.model.fall.setup import fall_leaves, is_fall
 from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.setup import ImpactSetup, setup_leaves
 from helmet_sim_ros.resources import find_config
 from helmet_sim_ros.schema import Config, Leaf, leaves, quantity
+from helmet_sim_ros.study.falls.measures import STRIKE_MEASURES
 from helmet_sim_ros.study.scenario.matrix import ScenarioFile, combinations_of, flatten, validated
 from helmet_sim_ros.study.sweeps import population as people
 from helmet_sim_ros.study.sweeps.sampling import Distribution, Method, unit_points
@@ -168,7 +170,9 @@ class Study:
     def criteria(self) -> tuple[str, ...]:
         """Criteria that are kept."""
         limits = load_standard(self.file.standard).limits
-        return self.file.criteria or tuple(dict.fromkeys([*CATALOGUE, *limits]))
+        falls = is_fall(self.matrix[0]) or is_fall(self.drawn)
+        of_falls = STRIKE_MEASURES if falls else ()
+        return self.file.criteria or tuple(dict.fromkeys([*of_falls, *CATALOGUE, *limits]))
 
     @cached_property
     def identity(self) -> Mapping[str, str]:
@@ -215,6 +219,12 @@ def build_study(
     matrix = [_portable(shared | values | replaced) for values in cases]
     for number, values in enumerate(matrix, 1):
         validated(values, f"{path}: case {number}")
+    falls = any(map(is_fall, matrix)) or (
+        file.draw is not None and is_fall(flatten(file.draw.values))
+    )
+    for name in file.criteria:
+        if name in STRIKE_MEASURES and not falls:
+            raise SetupError.of("criteria", name, "goes with falls, not impacts", str(path))
     drawn: dict[str, list[object]] = {}
     labels: dict[str, list[object]] = {}
     if file.draw is not None:
@@ -230,7 +240,8 @@ def build_study(
 
 def value_leaves() -> dict[str, Leaf]:
     """Every value of an impact setup by its dotted name."""
-    found = {leaf.name: leaf for leaf in setup_leaves()}
+    found = {leaf.name: leaf for leaf in fall_leaves()}
+    found |= {leaf.name: leaf for leaf in setup_leaves()}
     name = next(leaf for leaf in leaves(ImpactSetup) if leaf.name == "helmet")
     return found | {leaf.name: leaf for leaf in leaves(Helmet, "helmet.")} | {"helmet.name": name}
 
@@ -315,6 +326,8 @@ def _check_groups(study: Study) -> None:
 
 def _check_criteria(key: str, names: Sequence[str]) -> None:
     for name in names:
+        if name in STRIKE_MEASURES:
+            continue
         try:
             entry(name)
         except PulseError as error:

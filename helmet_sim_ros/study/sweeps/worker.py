@@ -48,10 +48,12 @@ def run_chunk(job: Job, chunk: Sequence[Mapping[str, object]]) -> list[Outcome]:
     """
     from helmet_sim_ros.biomech.evaluation import evaluate
     from helmet_sim_ros.biomech.record import ImpactRecord
+    from helmet_sim_ros.model.fall.setup import Fall, is_fall, setup_or_fall
     from helmet_sim_ros.model.impact import Impact
-    from helmet_sim_ros.model.setup import ImpactSetup, setup_from_names
+    from helmet_sim_ros.model.setup import ImpactSetup
+    from helmet_sim_ros.study.falls.measures import judge_fall
 
-    def samples(setup: ImpactSetup) -> int:
+    def samples(setup: ImpactSetup | Fall) -> int:
         return setup.samples
 
     def advanced(impact: Impact) -> Impact:
@@ -59,13 +61,16 @@ def run_chunk(job: Job, chunk: Sequence[Mapping[str, object]]) -> list[Outcome]:
         return impact
 
     def judged(record: ImpactRecord) -> Outcome:
+        if is_fall(record.setup):
+            verdict, numbers = judge_fall(record, job.standard, job.criteria)
+            return Outcome("ok", None, verdict, numbers)
         result = evaluate(record, job.standard, job.criteria)
         found = result.criteria
         numbers = tuple(found[n].value if n in found else None for n in job.criteria)
         return Outcome("ok", None, result.verdict, numbers)
 
     outcomes: list[Outcome] = []
-    for block in _blocks(_tried(setup_from_names, chunk), samples):
+    for block in _blocks(_tried(setup_or_fall, chunk), samples):
         records = _tried(Impact.record, _tried(advanced, _tried(Impact, block)))
         outcomes += _tried(judged, records)
     return outcomes

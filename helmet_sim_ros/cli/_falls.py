@@ -1,0 +1,153 @@
+"""Falls for the terminal: run, table of head strikes, page, and a log of the strikes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from rich import box
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from helmet_sim_ros.cli._progress import shown_progress
+from helmet_sim_ros.errors import DivergedError, StudyError
+from helmet_sim_ros.model.fall.setup import Fall
+from helmet_sim_ros.model.fall.strikes import Strike, head_strikes
+from helmet_sim_ros.model.impact import simulate
+from helmet_sim_ros.model.setup import ImpactSetup
+from helmet_sim_ros.report.falls.tables import FallResult
+
+#: Slower strikes are left out of the log of strikes [m/s into what is struck]; a choice.
+LOGGED = 0.5
+NOTHING = "no head contact"
+#: Columns behind the name, and whether they stand on the right.
+HEADERS = (
+    ("t [s]", True), ("struck", False), ("into", True), ("along", True), ("body", True),
+    ("on", False), ("g", True), ("HIC", True), ("BrIC", True), ("a", True),
+)  # fmt: skip
+AFTER_PEAK, LEAST = 0.020, 0.040  # s, that are logged after the peak, and at least; choices
+
+
+def run_falls(
+    cases: Sequence[tuple[str, Fall]], console: Console
+) -> tuple[list[FallResult], list[str]]:
+    """Simulate falls one after the other; the results, and a line for each that failed."""
+    results, failed = [], []
+    with shown_progress(console, "falls") as progress:
+        for done, (name, fall) in enumerate(cases):
+            progress(done, len(cases), len(failed))
+            try:
+                results.append(FallResult(name, fall, head_strikes(simulate(fall))))
+            except DivergedError as error:
+                failed.append(f"{name}: the simulation diverged at t = {error.time:.4f} s")
+        progress(len(cases), len(cases), len(failed))
+    return results, failed
+
+
+def strikes_table(results: Sequence[FallResult]) -> Table:
+    """One line per head strike; a fall without one has a line that says so."""
+    table = Table(
+        title="Head strikes", box=box.SIMPLE_HEAD, title_justify="left", pad_edge=False,
+        padding=(0, 1, 0, 0),
+    )  # fmt: skip
+    table.add_column("fall")
+    for header, right in HEADERS:
+        table.add_column(Text(header), justify="right" if right else "left", no_wrap=True)
+    for result in results:
+        if not result.strikes:
+            table.add_row(Text(f"{result.name}: {NOTHING}"))
+        for number, strike in enumerate(result.strikes):
+            table.add_row(Text("" if number else result.name), *_cells(strike))
+    table.caption = "into, along: m/s; body: trunk to the surface, head down [deg]; a: krad/s^2"
+    table.caption_justify = "left"
+    return table
+
+
+def _cells(strike: Strike) -> list[str]:
+    found, place = strike.evaluation.criteria, strike.location
+    return [
+        f"{strike.time:.3f}", strike.struck, f"{strike.normal_velocity:.1f}",
+        f"{strike.tangential_velocity:.1f}", f"{strike.body_angle_deg:.0f}", place.zone,
+        f"{found['peak_g'].value:.0f}", f"{found['hic'].value:.0f}", f"{found['bric'].value:.2f}",
+        f"{found['peak_angular_acceleration'].value * 1e-3:.1f}",
+    ]  # fmt: skip
+
+
+def write_results(
+    results: Sequence[FallResult], folder: Path, console: Console, name: str = "falls"
+) -> None:
+    """Write table, scenario, log and pages into a folder, and say where they are.
+
+    Raises:
+        LogError: one of them cannot be written.
+    """
+    from helmet_sim_ros.report.falls.page import write_falls
+
+    log = _log(results, folder, console, name)
+    pages = None
+    if log is not None:
+        from helmet_sim_ros.mcap_log import open_log
+        from helmet_sim_ros.report.page.page import write_report
+
+        pages = write_report([open_log(log)], folder / "strikes.html")
+    written = write_falls(results, folder, None if pages is None else pages.name)
+    for path in [*written, *filter(None, (log, pages))]:
+        console.print(str(path), soft_wrap=True, markup=False)
+
+
+def _log(results: Sequence[FallResult], folder: Path, console: Console, name: str) -> Path | None:
+    """Log every strike as the impact that it is, simulated alone; None: nothing to log."""
+    wanted = [
+        (f"{result.name}-{number}", strike) for result in results
+        for number, strike in enumerate(result.strikes, 1) if strike.normal_velocity > LOGGED
+    ]  # fmt: skip
+    if not wanted:
+        return None
+    try:
+        from helmet_sim_ros.cli._histories import log_impacts
+    except ImportError:
+        text = "strikes are not logged: logs are of ROS messages, which are not installed"
+        console.print(text, style="yellow")
+        return None
+    path = folder / "strikes.mcap"
+    folder.mkdir(parents=True, exist_ok=True)
+    for old in (path, path.with_name(path.name + ".part")):
+        old.unlink(missing_ok=True)
+    try:
+        log_impacts(path, name, [(_identity(n), to_the_peak(s)) for n, s in wanted])
+    except DivergedError as error:
+        raise StudyError(f"a strike diverged when it was simulated alone: {error.time}") from None
+    return path
+
+
+def to_the_peak(strike: Strike) -> ImpactSetup:
+    """A strike as an impact that ends a moment after its peak acceleration: what slides on for a
+    second after it makes a log large and says little."""
+    record, setup = strike.record, strike.setup()
+    peak = int(np.linalg.norm(record.head_acceleration, axis=1).argmax())
+    wanted = max(float(record.time[peak] - record.time[0]) + AFTER_PEAK, LEAST)
+    if wanted >= setup.duration:
+        return setup
+    return setup.model_copy(update={"duration": wanted})
+
+
+def _identity(name: str) -> str:
+    """A name as an impact's identity: letters, digits and hyphens."""
+    return "".join(c if c.isalnum() else "-" for c in name)
+
+
+def summary(results: Sequence[FallResult]) -> str:
+    """How many falls, strikes, and the worst of them, in words."""
+    strikes = [s for r in results for s in r.strikes]
+    if not strikes:
+        return f"{len(results)} falls: {NOTHING}"
+    worst = max(strikes, key=lambda s: s.peak_acceleration)
+    with_contact = sum(bool(r.strikes) for r in results)
+    speed = math.hypot(worst.normal_velocity, worst.tangential_velocity)
+    return (
+        f"{with_contact} of {len(results)} falls with head contact, {len(strikes)} strikes; the "
+        f"worst: {worst.evaluation.peak_g.value:.0f} g at {speed:.1f} m/s on {worst.struck}"
+    )

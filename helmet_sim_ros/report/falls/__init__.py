@@ -1,0 +1,1 @@
+"""Falls on paper: a page with a table of head strikes, and files that other verbs take."""

@@ -1,0 +1,1 @@
+"""Studies of falls: what a head strike is measured by, and what many of them say together."""

@@ -1,0 +1,63 @@
+"""What a study keeps of a fall: how its worst head strike came about, and the criteria of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+
+from helmet_sim_ros.biomech.record import ImpactRecord
+
+#: Measures of the worst head strike (that with the highest peak acceleration of the head) of a
+#: fall, as columns of a study beside the criteria: unit and meaning.
+STRIKE_MEASURES: Mapping[str, tuple[str, str]] = MappingProxyType(
+    {
+        "strikes": ("-", "head strikes of the fall; 0: no head contact"),
+        "strike_time": ("s", "first touch of the worst strike"),
+        "strike_normal_velocity": ("m/s", "head into what it strikes"),
+        "strike_tangential_velocity": ("m/s", "head along what it strikes"),
+        "strike_speed": ("m/s", "head over what it strikes"),
+        "strike_angle_deg": ("deg", "of that speed to the surface"),
+        "strike_body_angle_deg": ("deg", "trunk to the surface, head down"),
+        "strike_azimuth_deg": ("deg", "place on the helmet, 0 front, 90 left"),
+        "strike_elevation_deg": ("deg", "place on the helmet, 90 crown"),
+        "strike_shape": ("-", "index of the struck shape in the scene"),
+    }
+)
+
+
+def judge_fall(
+    record: ImpactRecord, standard: str, criteria: Sequence[str]
+) -> tuple[str | None, tuple[float | None, ...]]:
+    """Verdict and values of a fall: the wanted measures and criteria of its worst strike.
+
+    Args:
+        record: of a fall.
+        standard: limits of the verdict.
+        criteria: names of measures and criteria.
+
+    Returns:
+        The verdict, None without head contact; and the values in order, None where there is none.
+    """
+    from helmet_sim_ros.biomech.evaluation import evaluate
+    from helmet_sim_ros.model.fall.strikes import head_strikes
+
+    found = head_strikes(record)
+    values: dict[str, float] = {"strikes": float(len(found))}
+    worst = found.worst
+    if worst is None:
+        return None, tuple(values.get(name) for name in criteria)
+    values |= {
+        "strike_time": worst.time,
+        "strike_normal_velocity": worst.normal_velocity,
+        "strike_tangential_velocity": worst.tangential_velocity,
+        "strike_speed": worst.speed,
+        "strike_angle_deg": worst.angle_deg,
+        "strike_body_angle_deg": worst.body_angle_deg,
+        "strike_azimuth_deg": worst.location.azimuth_deg,
+        "strike_elevation_deg": worst.location.elevation_deg,
+        "strike_shape": float(worst.shape),
+    }
+    wanted = [name for name in criteria if name not in STRIKE_MEASURES]
+    result = evaluate(worst.record, standard, wanted)
+    values |= {name: result.criteria[name].value for name in wanted if name in result.criteria}
+    return result.verdict, tuple(values.get(name) for name in criteria)
