@@ -40,7 +40,8 @@ class Limits(NamedTuple):
         speed_change: of what is pressed in a step [m/s]; ``turn_change``: of a joint [rad/s].
         ahead: time before a touch of the head from which on steps are fine [s].
         after: time after the last sign of a strike up to which they are [s].
-        quiet_force: on the helmet, below which it lies or slides [N]; ``quiet_speed``: towards what
+        quiet_force: on the helmet or in its spring, below which it lies or slides [N];
+            ``quiet_speed``: towards what
             it lies on [m/s].
     """
 
@@ -52,7 +53,7 @@ class Limits(NamedTuple):
     turn_change: float = 4.0
     ahead: float = 1e-3
     after: float = 3e-3
-    quiet_force: float = 1000.0
+    quiet_force: float = 500.0
     quiet_speed: float = 1.0
 
 
@@ -142,17 +143,16 @@ def liner_gap(
 
 
 @inlined
-def head_step(pace: Pace, gap: float, speed: float, struck: float, longest: float) -> float:
+def head_step(pace: Pace, gap: float, speed: float, longest: float) -> float:
     """The step that a part of the head asks for; ``pace.fine``: it strikes, or is about to.
 
     Args:
         gap: [m]; ``speed`` at which it closes [m/s].
-        struck: force on the helmet in the last step [N].
         longest: step that is allowed otherwise [s].
     """
     limits = pace.limits
     if gap <= 0.0:
-        if struck > limits.quiet_force or abs(speed) > limits.quiet_speed:
+        if abs(speed) > limits.quiet_speed:
             return pace.fine
         return min(longest, limits.calm)
     if speed <= 0.0:
@@ -195,10 +195,12 @@ def wanted(
     Args:
         pace, contact, liner, surface, motion: present.
         acceleration: of all degrees of freedom in the last step.
-        struck: force on the helmet in the last step [N].
+        struck: force on the helmet or in its spring in the last step [N].
         held: whether the helmet was struck and is held, see ``Limits.calm``.
     """
     limits = pace.limits
+    if struck > limits.quiet_force:
+        return pace.fine
     step = limits.calm if held else limits.free
     body = step
     for dof in pace.hinges:
@@ -212,13 +214,13 @@ def wanted(
             if gap > FARTHEST:
                 continue
             if pace.head[i]:
-                step = min(step, head_step(pace, gap, speed, struck, step))
+                step = min(step, head_step(pace, gap, speed, step))
             else:
                 body = min(body, body_step(limits, contact, i, gap, speed, body))
         if foam:
             gap, speed = liner_gap(liner, surface, k, motion)
             if gap <= FARTHEST:
-                step = min(step, head_step(pace, gap, speed, struck, step))
+                step = min(step, head_step(pace, gap, speed, step))
     if step <= pace.fine:
         return pace.fine
     return max(min(step, body), pace.fine + TINY)

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from helmet_sim_ros.biomech.record import DENSE, FloatArray
 from helmet_sim_ros.errors import DivergedError
-from helmet_sim_ros.model.compiled import compiled
+from helmet_sim_ros.model.compiled import compiled, inlined
 from helmet_sim_ros.model.energy import mechanical_energy
 from helmet_sim_ros.model.fall.flight import Flight, begin, correct, on_ground
 from helmet_sim_ros.model.fall.pace import Limits, Pace, wanted
@@ -72,7 +72,7 @@ class Progress(NamedTuple):
         time: [s]; ``due``: of the next thin sample [s].
         fine_until: time up to which steps are fine [s].
         step: steps since the fine ones began, or -1: they are long.
-        struck: force on the helmet in the last step [N].
+        struck: force on the helmet, or in its spring, in the last step [N].
         before: the last step [s].
         taken: number of fine, short and long steps, (3,).
     """
@@ -171,6 +171,12 @@ def integrate(
     return True
 
 
+@inlined
+def length_of(force: FloatArray) -> float:
+    """Of a vector, (3,)."""
+    return float((force[0] ** 2 + force[1] ** 2 + force[2] ** 2) ** 0.5)
+
+
 @compiled
 def synchronise(qvel: FloatArray, acceleration: FloatArray, pace: Pace, late: float) -> None:
     """Velocities ``late`` [s] later: those of a step are half a step old. What moves quickly
@@ -250,10 +256,9 @@ def advance_fall(
             flight.since[0] = -1.0
         elif not flying:
             begin(flight, motion, time[0], 0.5 * before)
-        push = loads.surface[HELMET]
-        progress.struck[0] = (
-            push[FORCE] ** 2 + push[FORCE + 1] ** 2 + push[FORCE + 2] ** 2
-        ) ** 0.5
+        progress.struck[0] = max(
+            length_of(loads.surface[HELMET, FORCE : FORCE + 3]), length_of(loads.spring)
+        )
 
         fine = steps[0] >= 0
         if (fine and steps[0] % pace.substeps == 0) or (not fine and time[0] >= progress.due[0]):
