@@ -13,7 +13,16 @@ from helmet_sim_ros.biomech.record import ImpactRecord, from_block, same_samples
 from helmet_sim_ros.errors import DivergedError
 from helmet_sim_ros.model.balance import balance
 from helmet_sim_ros.model.compiled import compiled
-from helmet_sim_ros.model.force import contact, fit, liner, neck, shell, spring, stops
+from helmet_sim_ros.model.force import (
+    contact,
+    fit,
+    liner,
+    neck,
+    self_contact,
+    shell,
+    spring,
+    stops,
+)
 from helmet_sim_ros.model.force.bodies import (
     FORCE,
     HELMET,
@@ -302,10 +311,11 @@ def test_the_loop_steps_like_mujoco(rig: str, form: str) -> None:
 def apply_all(forces: Forces, step: float, motion: Motion, loads: Loads) -> None:
     """Every force of the model in the present state."""
     clear(loads)
-    stops.apply(forces.stops, motion, loads)
+    stops.apply(forces.stops, step, motion, loads)
     neck.apply(forces.neck, motion, loads)
     contact.apply(forces.contact, forces.surface, step, motion, loads)
     fit.apply(forces.fit, step, motion, loads)
+    self_contact.apply(forces.own, step, motion, loads)
     if shell.spreads(forces.shell, forces.surface):
         shell.apply(forces.shell, forces.liner, forces.surface, step, motion, loads)
     elif len(forces.liner.columns.area) > 0:

@@ -8,7 +8,7 @@ from dataclasses import replace
 from helmet_sim_ros.biomech.catalogue import CATALOGUE, SPOKEN, entry
 from helmet_sim_ros.biomech.measured import MeasuredPulse
 from helmet_sim_ros.biomech.measures import measure
-from helmet_sim_ros.biomech.record import ImpactRecord
+from helmet_sim_ros.biomech.record import DENSE, ImpactRecord
 from helmet_sim_ros.biomech.result import Criterion, Evaluation
 from helmet_sim_ros.biomech.standards import DEFAULT_STANDARD, Limit, Standard, load_standard
 from helmet_sim_ros.errors import PulseError
@@ -33,7 +33,8 @@ def evaluate(
 
     Args:
         record: the complete impact, all of whose channels are checked, whatever is asked for; or
-            a measured pulse, which gives the criteria of what was measured.
+            a measured pulse, which gives the criteria of what was measured. A fall, whose samples
+            are dense where the head strikes, is interpolated.
         standard: name in ``config/standards``, or path of a YAML file; None: the limits of
             ECE R22.05 that the coupling paper quotes, whatever the impact's speed.
         criteria: names of the criteria to compute beside those that the standard limits;
@@ -45,6 +46,8 @@ def evaluate(
             computed from this record.
         SetupError: unknown standard, or a limit on an unknown criterion.
     """
+    if isinstance(record, ImpactRecord) and DENSE in record.extras:
+        record = record.uniform()
     name = DEFAULT_STANDARD if standard is None else standard
     rules = load_standard(name)
     wanted = CATALOGUE if criteria is None else criteria

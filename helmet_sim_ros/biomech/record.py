@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 HORIZONTAL = np.array([1.0, 1.0, 0.0])  # what of a force is friction on flat ground
 
+#: Name in the extras of a record whose samples are not uniform: first and last (exclusive) sample of
+#: each stretch at ``sim.time_step``.
+DENSE = "dense"
 #: Channels every record carries: name -> (component labels, unit).
 CHANNELS: Mapping[str, tuple[tuple[str, ...], str]] = {
     "head_acceleration": (("x", "y", "z"), "m/s^2"),
@@ -122,6 +125,40 @@ class ImpactRecord:
         """Sampling interval [s]."""
         return float(self.time[1] - self.time[0])
 
+    @property
+    def is_uniform(self) -> bool:
+        """Whether all samples are one time step apart."""
+        steps = np.diff(self.time)
+        return bool(len(steps) == 0 or np.ptp(steps) <= 1e-6 * float(steps[0]))
+
+    def uniform(self) -> ImpactRecord:
+        """The same at its shortest time step throughout, linear between its samples: whoever asks
+        for windows and frequencies needs that. Extras are left out where they are samples.
+
+        Returns:
+            This record, if its samples are that already.
+        """
+        if self.is_uniform:
+            return self
+        step = float(np.diff(self.time).min())
+        count = int((self.time[-1] - self.time[0]) / step + 1e-6) + 1
+        time = self.time[0] + step * np.arange(count)
+
+        def at(samples: FloatArray) -> FloatArray:
+            columns = [np.interp(time, self.time, column) for column in samples.T]
+            return np.column_stack(columns) if columns else np.zeros((count, 0))
+
+        arrays = {name: at(getattr(self, name)) for name in CHANNELS}
+        for name in ("head_orientation", "helmet_orientation"):
+            turns = _same_side(getattr(self, name))
+            between = at(turns)
+            arrays[name] = between / np.linalg.norm(between, axis=1)[:, None]
+        extras = {k: v for k, v in self.extras.items() if np.shape(v)[:1] != (len(self),)}
+        return replace(
+            self, time=time, joint_positions=at(self.joint_positions),
+            joint_velocities=at(self.joint_velocities), extras=extras, **arrays,
+        )  # fmt: skip
+
     def __len__(self) -> int:
         return len(self.time)
 
@@ -159,6 +196,14 @@ class ImpactRecord:
         from helmet_sim_ros.present.html import record_html
 
         return record_html(self)
+
+
+def _same_side(turns: FloatArray) -> FloatArray:
+    """Quaternions of the same rotations, (n, 4), each on the side of the one before."""
+    along = (turns[1:] * turns[:-1]).sum(axis=1)
+    sides = np.cumprod(np.where(along < 0.0, -1.0, 1.0))
+    chained: FloatArray = turns * np.concatenate([[1.0], sides])[:, None]
+    return chained
 
 
 def block_labels(joint_names: tuple[str, ...]) -> list[str]:

@@ -31,6 +31,7 @@ from helmet_sim_ros.model.force.bodies import (
 from helmet_sim_ros.model.force.fit import Fit, fit
 from helmet_sim_ros.model.force.foam import residual_strains
 from helmet_sim_ros.model.force.liner import crushing_liner
+from helmet_sim_ros.model.force.self_contact import started
 from helmet_sim_ros.model.force.shell import plate
 from helmet_sim_ros.model.force.spring import CouplingSpring, coupling_spring
 from helmet_sim_ros.model.helmet import Helmet
@@ -56,12 +57,19 @@ def simulate(setup: ImpactSetup | Fall, crush: FloatArray | None = None) -> Impa
             last one; unset: a new helmet.
 
     Returns:
-        Every sample, SI units, of an impact from the first touch of the ground;
+        Every sample, SI units, of an impact from the first touch of the ground; of a fall samples
+        are dense where the head strikes and thinner elsewhere (``extras["dense"]``).
         :func:`head_strikes` finds in a fall what the head strikes.
 
     Raises:
         DivergedError: the state stopped being finite.
     """
+    if isinstance(setup, Fall):
+        from helmet_sim_ros.model.fall.stepping import Falling  # an impact itself
+
+        fall = Falling(setup, crush)
+        fall.run()
+        return fall.record()
     impact = Impact(setup, crush)
     impact.advance(impact.total)
     return impact.record()
@@ -115,6 +123,7 @@ class Impact:
             liner,
             plate(helmet, liner),
             self.fresh_fit(),
+            started(parts.own, self._motion),
         )
         if isinstance(setup, ImpactSetup) and setup.state is not None:
             state = read_state(setup.state)
@@ -133,6 +142,7 @@ class Impact:
         )
         widths = (parts.model.nq, parts.model.nv, parts.model.nsensordata, 6, 3, (2, COLUMNS), 3)
         self._rows = Rows(*(np.zeros((self.total, *np.atleast_1d(w))) for w in widths))
+        self._time = np.arange(self.total, dtype=np.float64) * setup.time_step
         self._done = 0
 
     @property
@@ -221,7 +231,7 @@ class Impact:
         gravity = np.array([0.0, 0.0, -self.setup.gravity])
         zeros = np.zeros((len(q), 3))
         return ImpactRecord(
-            time=np.arange(first, last, dtype=np.float64) * self.setup.time_step,
+            time=self._time[first:last],
             # MuJoCo's framelinacc is specific force: inertial acceleration minus gravity.
             head_acceleration=layout.read(sensors, "head_specific_force") + gravity,
             head_angular_acceleration=layout.read(sensors, "head_angular_acceleration"),

@@ -23,7 +23,16 @@ from numpy.typing import NDArray
 
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.model.compiled import compiled, inlined
-from helmet_sim_ros.model.force import contact, fit, liner, neck, shell, spring, stops
+from helmet_sim_ros.model.force import (
+    contact,
+    fit,
+    liner,
+    neck,
+    self_contact,
+    shell,
+    spring,
+    stops,
+)
 from helmet_sim_ros.model.force.bodies import (
     Chains,
     Loads,
@@ -110,6 +119,7 @@ class Forces(NamedTuple):
     liner: liner.CrushingLiner
     shell: shell.Plate
     fit: fit.Fit
+    own: self_contact.SelfContact
 
 
 class Rows(NamedTuple):
@@ -192,7 +202,7 @@ def advance(
     model, data, step = engine.model, engine.data, clock.step
     mass, diagonal, damping = engine.mass, engine.diagonal, engine.damping
     acceleration, qpos, qvel = engine.acceleration, motion.qpos, motion.qvel
-    struck, sprung, stopped, necked, touching, crushing, plate, fitted = forces
+    struck, sprung, stopped, necked, touching, crushing, plate, fitted, own = forces
     foam = len(crushing.columns.area) > 0
     bends = shell.spreads(plate, struck)
     damped = damping.any()
@@ -204,10 +214,11 @@ def advance(
             _velocity(model, data)
 
             clear(loads)
-            stops.apply(stopped, motion, loads)
+            stops.apply(stopped, step, motion, loads)
             neck.apply(necked, motion, loads)
             contact.apply(touching, struck, step, motion, loads)
             fit.apply(fitted, step, motion, loads)
+            self_contact.apply(own, step, motion, loads)
             if foam:
                 if bends:
                     shell.apply(plate, crushing, struck, step, motion, loads)

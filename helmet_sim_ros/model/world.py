@@ -17,7 +17,9 @@ from helmet_sim_ros.model.force.bodies import Chains, chains
 from helmet_sim_ros.model.force.columns import Columns, as_now, columns, no_columns
 from helmet_sim_ros.model.force.contact import Contact
 from helmet_sim_ros.model.force.fit import ELASTIC, STIFFEST
+from helmet_sim_ros.model.force.friction import RELAXATION
 from helmet_sim_ros.model.force.neck import CervicalSpine
+from helmet_sim_ros.model.force.self_contact import SelfContact
 from helmet_sim_ros.model.force.spring import deepest, law_table, unloading_exponent
 from helmet_sim_ros.model.force.stops import Stops, joint_stops
 from helmet_sim_ros.model.geometry import read_geometry
@@ -26,10 +28,12 @@ from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.layout import Layout
 from helmet_sim_ros.model.placement import place, resume
 from helmet_sim_ros.model.rider.anthropometry import Segment, anthropometry
-from helmet_sim_ros.model.rider.body import BODY_CONTACT, add_body
+from helmet_sim_ros.model.rider import tissue
+from helmet_sim_ros.model.rider.body import add_body
 from helmet_sim_ros.model.rider.neck import cervical_spine, set_rest
 from helmet_sim_ros.model.rider.posing import Posing
 from helmet_sim_ros.model.rider.properties import Rider
+from helmet_sim_ros.model.rider.self_contact import self_contact
 from helmet_sim_ros.model.setup import ImpactSetup
 from helmet_sim_ros.model.state import read_state
 from helmet_sim_ros.model.surface.compiled import Surface
@@ -61,6 +65,7 @@ class Parts:
         columns: the foam helmet's columns, none for a spring helmet.
         stops: of the body's hinges.
         neck: of the rider, as long as it has not yielded.
+        own: contact of the rider with himself.
         chains: see :mod:`helmet_sim_ros.model.tree`.
         damped_diagonal: where the diagonal of M stands in MuJoCo's data, and what the damping of
             the joints adds to it in an implicit step, (nv,) each.
@@ -73,6 +78,7 @@ class Parts:
     columns: Columns
     stops: Stops
     neck: CervicalSpine
+    own: SelfContact
     chains: Chains
     damped_diagonal: tuple[NDArray[np.int64], FloatArray]
     layout: Layout
@@ -168,8 +174,9 @@ def _parts(
         posing.set(model)
     foam = helmet.coupling == "foam"
     return Parts(
-        model, spec, _ellipsoids(model, helmet), columns(helmet) if foam else no_columns(),
-        joint_stops(model), cervical_spine(model, rider.neck), chains(model),
+        model, spec, _ellipsoids(model, helmet, body.scale), columns(helmet) if foam else no_columns(),
+        joint_stops(model), cervical_spine(model, rider.neck),
+        self_contact(model, helmet, body), chains(model),
         _damped_diagonal(model), Layout(model),
     )  # fmt: skip
 
@@ -335,7 +342,7 @@ def _add_sensors(spec: mujoco.MjSpec, rig: str, helmet: str) -> None:
         spec.add_sensor(name=name, type=sensor, objtype=objtype, objname=objname)
 
 
-def _ellipsoids(model: mujoco.MjModel, helmet: Helmet) -> Contact:
+def _ellipsoids(model: mujoco.MjModel, helmet: Helmet, scale: float) -> Contact:
     """The shell of a spring helmet or the bare head, and every geom of the body; a capsule touches
     with the spheres at its ends."""
     shell = int(model.body("head" if helmet.coupling == "none" else "helmet").id)
@@ -351,17 +358,31 @@ def _ellipsoids(model: mujoco.MjModel, helmet: Helmet) -> Contact:
     body = model.geom_bodyid[geoms].astype(np.int64)
     center = model.geom_pos[geoms] + (ends * size[:, 1])[:, None] * axis
     semi_axes = np.where(capsule[:, None], size[:, :1], size)
-    law = np.tile(BODY_CONTACT, (len(geoms), 1))
+    mass = tissue.lightest_masses(model, body, center)
+    law = np.array(
+        [_landing(model, scale, int(b), m) for b, m in zip(body, mass, strict=True)]
+    ).reshape(-1, 8)
     if helmet.coupling != "foam":
         own = helmet.shell
         body = np.concatenate([[shell], body])
         center = np.vstack([own.center, center])
         semi_axes = np.vstack([own.semi_axes, semi_axes])
-        mine = (own.contact_stiffness, own.contact_damping, own.contact_returned, OF_THE_SURFACE)
+        mine = (
+            own.contact_stiffness, own.contact_damping, own.contact_returned, OF_THE_SURFACE,
+            math.inf, 1.0, own.effective_mass, RELAXATION,
+        )  # fmt: skip
         law = np.vstack([mine, law])
-    stiffness, damping, returned, friction = (np.ascontiguousarray(column) for column in law.T)
     state = np.zeros((len(body), 0, 3))
     return Contact(
-        shell, body, center, semi_axes, semi_axes.max(axis=1, initial=0.0), stiffness, damping,
-        returned, friction, state, state[:, :, 0], state,
+        shell, body, center, semi_axes, semi_axes.max(axis=1, initial=0.0),
+        *(np.ascontiguousarray(column) for column in law.T), state, state[:, :, 0], state,
+    )  # fmt: skip
+
+
+def _landing(model: mujoco.MjModel, scale: float, body: int, mass: float) -> tuple[float, ...]:
+    """Constants of a contact of the body, in the order of :class:`Contact`."""
+    region = tissue.region_of(model.body(body).name, scale)
+    return (
+        region.stiffness, tissue.DAMPING, 1.0, tissue.FRICTION, region.thickness,
+        tissue.straight_share(region, mass), mass, tissue.RELAXATION,
     )  # fmt: skip

@@ -347,4 +347,4 @@ def _window(record: ImpactRecord, first: int, last: int) -> ImpactRecord:
         record, time=record.time[cut], joint_positions=record.joint_positions[cut],
         joint_velocities=record.joint_velocities[cut], setup=record.setup,
         extras=MappingProxyType({}), **arrays,
-    )  # fmt: skip
+    ).uniform()  # fmt: skip

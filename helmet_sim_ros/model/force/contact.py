@@ -7,6 +7,7 @@ tangential speed were added, which Coulomb friction cannot do.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -24,12 +25,9 @@ from helmet_sim_ros.model.force.bodies import (
     rigid,
     velocity_at,
 )
-from helmet_sim_ros.model.force.friction import (
-    RELAXATION,
-    TANGENTIAL_SHARE,
-    friction_force,
-    normal_force,
-)
+from helmet_sim_ros.model.force.friction import TANGENTIAL_SHARE, friction_force, normal_force
+from helmet_sim_ros.model.force.tissue import elastic_energy as tissue_energy
+from helmet_sim_ros.model.force.tissue import elastic_force, resisting
 from helmet_sim_ros.model.force.vector import (
     Vec,
     across,
@@ -62,6 +60,11 @@ class Contact(NamedTuple):
         returned: share of the elastic energy that unloading gives back, (n,) [-]: below the deepest
             point so far the stiffness is k / returned (Walton & Braun, J. Rheol. 30, 1986).
         friction: mu [-], (n,); negative: that of the surface.
+        thickness: of the tissue, see :mod:`helmet_sim_ros.model.force.tissue`, (n,) [m];
+            infinite: a linear spring, the shell's.
+        straight: share of it beyond which its law is a straight line, (n,) [-].
+        mass: the least that a force on the ellipsoid moves, (n,) [kg].
+        relaxation: damping over stiffness along the surface, (n,) [s].
         stick: elastic deflection on each shape of the surface, world axes, (n, shapes, 3) [m];
             state.
         peak: deepest in each shape since they touched, (n, shapes) [m]; state.
@@ -78,6 +81,10 @@ class Contact(NamedTuple):
     damping: FloatArray
     returned: FloatArray
     friction: FloatArray
+    thickness: FloatArray
+    straight: FloatArray
+    mass: FloatArray
+    relaxation: FloatArray
     stick: FloatArray
     peak: FloatArray
     direction: FloatArray
@@ -155,9 +162,24 @@ def elastic_energy(contact: Contact, surface: Surface, motion: Motion) -> float:
                 depth = max(0.0, touch(contact, surface, k, motion, i)[0])
                 contact.peak[i, k] = max(contact.peak[i, k], depth) if depth > 0.0 else 0.0
                 depth = effective_depth(contact, i, k, depth)
-                energy += 0.5 * contact.returned[i] * contact.stiffness[i] * depth * depth
+                energy += contact.returned[i] * tissue_energy(
+                    contact.stiffness[i], contact.thickness[i], contact.straight[i], depth
+                )
             else:
                 contact.peak[i, k] = 0.0
+    return energy
+
+
+@compiled
+def stick_energy(contact: Contact) -> float:
+    """Elastic energy of the deflections along the surface [J]."""
+    energy = 0.0
+    for i in range(len(contact.body)):
+        square = 0.0
+        for k in range(contact.stick.shape[1]):
+            s = row(contact.stick[i], k)
+            square += dot(s, s)
+        energy += 0.5 * TANGENTIAL_SHARE * contact.stiffness[i] * square
     return energy
 
 
@@ -197,11 +219,16 @@ def press(
     depth = effective_depth(contact, i, k, depth)
     body, stiffness = contact.body[i], contact.stiffness[i]
     velocity = sub(velocity_at(rigid(motion, body), point), row(surface.velocity, k))
-    pressed = normal_force(stiffness, contact.damping[i], depth, -dot(velocity, normal))
+    rate = -dot(velocity, normal)
+    if contact.thickness[i] == math.inf:
+        pressed = normal_force(stiffness, contact.damping[i], depth, rate)
+    else:
+        elastic = elastic_force(stiffness, contact.thickness[i], contact.straight[i], depth)
+        pressed = resisting(elastic, contact.damping[i], rate, step, contact.mass[i])
     mu = contact.friction[i] if contact.friction[i] >= 0.0 else surface.friction[k]
     friction = friction_force(
-        TANGENTIAL_SHARE * stiffness, RELAXATION, mu * pressed, across(velocity, normal), normal,
-        step, stick,
+        TANGENTIAL_SHARE * stiffness, contact.relaxation[i], mu * pressed,
+        across(velocity, normal), normal, step, stick,
     )  # fmt: skip
     force = add(scaled(normal, pressed), friction)
     push(motion, loads, body, point, force)

@@ -200,6 +200,42 @@ def _stop_energy(stiffness: float, excess: float) -> float:
 
 
 @compiled
+def _bent_energy(neck: CervicalSpine, qpos: FloatArray) -> float:
+    """Elastic energy of the ball joints and their stops [J]."""
+    energy = 0.0
+    for i in range(len(neck.qpos)):
+        bent, (sx, sy, sz) = angles(neck, qpos, i)
+        fore = neck.stiffness[i, FLEXION if sy >= 0.0 else EXTENSION]
+        energy += 0.5 * (
+            neck.stiffness[i, LATERAL] * sx**2
+            + fore * sy**2
+            + neck.stiffness[i, TORSION] * sz**2
+        )
+        excess, _ = bending_excess(bent, neck.ranges[i])
+        energy += _stop_energy(neck.stop_stiffness[i, 0], excess)
+        excess = max(0.0, abs(bent[2]) - neck.ranges[i, TORSION])
+        energy += _stop_energy(neck.stop_stiffness[i, 1], excess)
+    return energy
+
+
+@compiled
+def _pressed_energy(neck: CervicalSpine, length: float, elastic: float) -> float:
+    """Elastic energy of the slide [J] at its length and the elastic part of its shortening [m]."""
+    energy = 0.5 * elastic**2 * (neck.compression if elastic > 0.0 else neck.tension)
+    return energy + 0.5 * neck.bottom_stiffness * max(0.0, -length - neck.bottom) ** 2
+
+
+@compiled
+def held_energy(neck: CervicalSpine, qpos: FloatArray) -> float:
+    """What the neck would give back now [J], with the yielded length that :func:`apply` left."""
+    if not len(neck.qpos):
+        return 0.0
+    length = qpos[neck.slide[0]]
+    elastic = elastic_length(neck, -length, neck.yielded[0])
+    return _bent_energy(neck, qpos) + _pressed_energy(neck, length, elastic)
+
+
+@compiled
 def stored_energy(neck: CervicalSpine, positions: FloatArray) -> FloatArray:
     """What the neck would give back at each sample of an impact [J], (samples,).
 
@@ -209,23 +245,10 @@ def stored_energy(neck: CervicalSpine, positions: FloatArray) -> FloatArray:
     energy = np.zeros(len(positions))
     yielded = 0.0
     for k in range(len(positions)):
-        qpos = positions[k]
-        for i in range(len(neck.qpos)):
-            bent, (sx, sy, sz) = angles(neck, qpos, i)
-            fore = neck.stiffness[i, FLEXION if sy >= 0.0 else EXTENSION]
-            energy[k] += 0.5 * (
-                neck.stiffness[i, LATERAL] * sx**2
-                + fore * sy**2
-                + neck.stiffness[i, TORSION] * sz**2
-            )
-            excess, _ = bending_excess(bent, neck.ranges[i])
-            energy[k] += _stop_energy(neck.stop_stiffness[i, 0], excess)
-            excess = max(0.0, abs(bent[2]) - neck.ranges[i, TORSION])
-            energy[k] += _stop_energy(neck.stop_stiffness[i, 1], excess)
+        energy[k] = _bent_energy(neck, positions[k])
         if len(neck.qpos):
-            length = qpos[neck.slide[0]]
+            length = positions[k, neck.slide[0]]
             elastic = elastic_length(neck, -length, yielded)
             yielded = -length - elastic
-            energy[k] += 0.5 * elastic**2 * (neck.compression if elastic > 0.0 else neck.tension)
-            energy[k] += 0.5 * neck.bottom_stiffness * max(0.0, -length - neck.bottom) ** 2
+            energy[k] += _pressed_energy(neck, length, elastic)
     return energy

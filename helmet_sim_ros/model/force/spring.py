@@ -286,16 +286,23 @@ def apply(spring: CouplingSpring, step: float, motion: Motion, loads: Loads) -> 
         loads.generalised[spring.slide_velocity + k] += loads.spring[k]
 
 
+@compiled
 def recoverable_energy(spring: CouplingSpring, displacement: FloatArray) -> float:
     """Energy that the spring would still give back at a displacement (3,) [m] in its present
     state [J]: the area under the halves' unloading paths from 0 to the present compression."""
-    compression, energy = float(np.linalg.norm(displacement)), 0.0
-    for axis in np.flatnonzero(displacement):
-        scale, exponent = spring.law[2 * axis + int(displacement[axis] > 0.0)]
+    compression, energy = 0.0, 0.0
+    for axis in range(3):
+        compression += displacement[axis] ** 2
+    compression = compression**0.5
+    for axis in range(3):
+        if displacement[axis] == 0.0:
+            continue
+        side = 2 * axis if displacement[axis] < 0.0 else 2 * axis + 1
+        scale, exponent = spring.law[side, SCALE], spring.law[side, EXPONENT]
+        share = 0.5 * (displacement[axis] / compression) ** 2
         for behind in spring.behind:
             peak = compression + behind
             path = unloading_exponent(exponent, peak, spring.energy_loss)
             force = unloading_force(peak, loading_force(scale, exponent, peak), path, compression)
-            share = 0.5 * (displacement[axis] / compression) ** 2
             energy += share * force * compression * exponential_share(path * compression)
-    return float(energy)
+    return energy

@@ -25,10 +25,6 @@ Vector = tuple[float, float, float]
 X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 FORWARD = (0.0, -1.0, 0.0)  # a positive angle swings what hangs below the joint forwards
 
-#: Body-ground contact: stiffness [N/m], damping [s/m], share of the elastic energy returned [-],
-#: friction [-] of clothed soft tissue over
-#: ribs and shoulder (general literature values; see model/contact.py for the law).
-BODY_CONTACT = (60e3, 0.2, 1.0, 0.5)
 BODY_COLOR = (0.75, 0.62, 0.55, 1.0)
 
 

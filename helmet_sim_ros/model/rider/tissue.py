@@ -1,0 +1,85 @@
+"""What a falling body lands on: stiffness and thickness of the tissue of each region.
+
+Stiffnesses are slow ones; pressed fast, tissue is ``FAST`` times as stiff. Where the source gives a
+dynamic secant, it is divided by that.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from helmet_sim_ros.biomech.record import FloatArray
+
+
+class Region(NamedTuple):
+    """Of one region: stiffness of the first contact [N/m], thickness at a height of 1.75 m [m]."""
+
+    stiffness: float
+    thickness: float
+
+
+#: By the beginning of a segment's name. Read: pelvis, secant 24.6 to 35.6 kN/m on the side (Choi,
+#: Park & Choi, J. Biomech. 162, 2023, 111885); thorax, 2.29 kN at 59 mm, 4.3 m/s, a hub of 150 mm
+#: (Yoganandan et al., Proc. AAAM 40, 1996: 39 kN/m), three times as much where the load is
+#: distributed (Kent et al., Traffic Inj. Prev. 4, 2003), of which a ground's is between; shoulder,
+#: 30 mm at 23.4 kg and 1.5 m/s, 60 mm at 4 to 6 m/s (Compigne et al., IRCOBI 2003: at most
+#: 58 kN/m). Abdomen: about 24 kN/m at 6 m/s (Cavanaugh et al. 1986, general). Limbs, hands and feet
+#: and all thicknesses are general anatomy: muscle and skin over bone, of the trunk what is pressed
+#: before the spine is met.
+REGIONS: dict[str, Region] = {
+    "pelvis": Region(30e3, 0.060),
+    "abdomen": Region(12e3, 0.080),
+    "thorax": Region(40e3, 0.070),
+    "upper_arm": Region(29e3, 0.035),
+    "forearm": Region(40e3, 0.025),
+    "hand": Region(40e3, 0.020),
+    "thigh": Region(40e3, 0.050),
+    "shank": Region(50e3, 0.030),
+    "foot": Region(60e3, 0.025),
+}
+DAMPING = 1.5  # s/m; choice: a body rebounds at 0.7 m/s at most, as falls on film show
+FRICTION = 0.5  # of clothing on a road; 0.4 to 0.7 in slides of riders (general literature value)
+RELAXATION = 2e-3  # s, damping over stiffness along the surface (choice: a body at rest is quiet)
+STRAIGHT = 0.97  # largest share of the thickness on the hardening law
+RESOLVED = 1e-4  # s; step that resolves the stiffest tissue
+SHARE = 0.7  # of the square root of mass over stiffness, that this step is
+
+
+def region_of(name: str, scale: float) -> Region:
+    """The region that a body segment belongs to, of a rider of a height over 1.75 m."""
+    for start, region in REGIONS.items():
+        if name.startswith(start):
+            return region._replace(thickness=scale * region.thickness)
+    raise KeyError(name)
+
+
+def straight_share(region: Region, mass: float) -> float:
+    """Share of its thickness beyond which a tissue in front of ``mass`` [kg] hardens no more."""
+    steepest = mass * (SHARE / RESOLVED) ** 2
+    return min(STRAIGHT, 1.0 - math.sqrt(min(1.0, region.stiffness / steepest)))
+
+
+def lightest_masses(
+    model: mujoco.MjModel, bodies: NDArray[np.int64], points: FloatArray
+) -> FloatArray:
+    """The least mass that a force at a point of a body moves, in any direction, at rest [kg].
+
+    Args:
+        bodies: (n,); ``points``: in the bodies' frames, (n, 3) [m].
+    """
+    data = mujoco.MjData(model)
+    data.qpos[7:] = model.qpos_spring[7:]
+    mujoco.mj_fwdPosition(model, data)
+    masses, jacobian = np.zeros(len(bodies)), np.zeros((3, model.nv))
+    moved = np.zeros_like(jacobian)
+    for i, (body, point) in enumerate(zip(bodies, points, strict=True)):
+        at = data.xpos[body] + data.xmat[body].reshape(3, 3) @ point
+        mujoco.mj_jac(model, data, jacobian, None, at, int(body))
+        mujoco.mj_solveM(model, data, moved, jacobian)
+        masses[i] = 1.0 / np.linalg.eigvalsh(jacobian @ moved.T).max()
+    return masses
