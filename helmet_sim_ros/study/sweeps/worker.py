@@ -49,6 +49,7 @@ def run_chunk(job: Job, chunk: Sequence[Mapping[str, object]]) -> list[Outcome]:
     from helmet_sim_ros.biomech.evaluation import evaluate
     from helmet_sim_ros.biomech.record import ImpactRecord
     from helmet_sim_ros.model.fall.setup import Fall, is_fall, setup_or_fall
+    from helmet_sim_ros.model.fall.stepping import Falling
     from helmet_sim_ros.model.impact import Impact
     from helmet_sim_ros.model.setup import ImpactSetup
     from helmet_sim_ros.study.falls.measures import judge_fall
@@ -59,8 +60,14 @@ def run_chunk(job: Job, chunk: Sequence[Mapping[str, object]]) -> list[Outcome]:
     def samples(setup: ImpactSetup | Fall) -> int:
         return setup.samples
 
+    def begun(setup: ImpactSetup | Fall) -> Impact:
+        return Falling(setup) if isinstance(setup, Fall) else Impact(setup)
+
     def advanced(impact: Impact) -> Impact:
-        impact.advance(impact.total)
+        if isinstance(impact, Falling):
+            impact.run()
+        else:
+            impact.advance(impact.total)
         return impact
 
     def judged(record: ImpactRecord) -> Outcome:
@@ -74,7 +81,7 @@ def run_chunk(job: Job, chunk: Sequence[Mapping[str, object]]) -> list[Outcome]:
 
     outcomes: list[Outcome] = []
     for block in _blocks(_tried(made, chunk), samples):
-        records = _tried(Impact.record, _tried(advanced, _tried(Impact, block)))
+        records = _tried(Impact.record, _tried(advanced, _tried(begun, block)))
         outcomes += _tried(judged, records)
     return outcomes
 
