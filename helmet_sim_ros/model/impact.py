@@ -117,7 +117,7 @@ class Impact:
         self._forces = Forces(
             world.surface,
             self.fresh_spring(),
-            parts.stops,
+            parts.stops.fresh(),
             parts.neck.fresh(),
             world.contact,
             liner,

@@ -27,8 +27,8 @@ from helmet_sim_ros.model.headform import Headform
 from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.layout import Layout
 from helmet_sim_ros.model.placement import place, resume
-from helmet_sim_ros.model.rider.anthropometry import Segment, anthropometry
 from helmet_sim_ros.model.rider import tissue
+from helmet_sim_ros.model.rider.anthropometry import Segment, anthropometry
 from helmet_sim_ros.model.rider.body import add_body
 from helmet_sim_ros.model.rider.neck import cervical_spine, set_rest
 from helmet_sim_ros.model.rider.posing import Posing
@@ -174,7 +174,8 @@ def _parts(
         posing.set(model)
     foam = helmet.coupling == "foam"
     return Parts(
-        model, spec, _ellipsoids(model, helmet, body.scale), columns(helmet) if foam else no_columns(),
+        model, spec, _ellipsoids(model, helmet, body.scale),
+        columns(helmet) if foam else no_columns(),
         joint_stops(model), cervical_spine(model, rider.neck),
         self_contact(model, helmet, body), chains(model),
         _damped_diagonal(model), Layout(model),

@@ -19,7 +19,6 @@ from helmet_sim_ros.model.compiled import compiled
 from helmet_sim_ros.model.force.bodies import Motion
 from helmet_sim_ros.model.force.vector import Vec, cross, matrix, sub, turned_back
 
-
 #: xx, yy, zz, xy, xz, yz of a symmetric matrix.
 Symmetric = tuple[float, float, float, float, float, float]
 

@@ -43,10 +43,11 @@ class Limits(NamedTuple):
         quiet_force: on the helmet or in its spring, below which it lies or slides [N];
             ``quiet_speed``: towards what
             it lies on [m/s].
+        quick: speed between head and shell from which on long steps damp it [m/s, rad/s].
     """
 
     free: float = 5e-4
-    calm: float = 1e-3
+    calm: float = 5e-4
     body: float = 1e-4
     depth_share: float = 0.04
     speed_change: float = 0.2
@@ -55,6 +56,7 @@ class Limits(NamedTuple):
     after: float = 3e-3
     quiet_force: float = 500.0
     quiet_speed: float = 1.0
+    quick: float = 10.0
 
 
 class Pace(NamedTuple):

@@ -8,9 +8,10 @@ add h^2 K to the inertia there, which slows it down, and, where a strike has loa
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
-from typing import Any, NamedTuple
 
 from helmet_sim_ros.biomech.record import DENSE, FloatArray
 from helmet_sim_ros.errors import DivergedError
@@ -18,9 +19,9 @@ from helmet_sim_ros.model.compiled import compiled, inlined
 from helmet_sim_ros.model.energy import mechanical_energy
 from helmet_sim_ros.model.fall.flight import Flight, begin, correct, on_ground
 from helmet_sim_ros.model.fall.pace import Limits, Pace, wanted
+from helmet_sim_ros.model.fall.setup import Fall
 from helmet_sim_ros.model.force import contact, fit, liner, neck, self_contact, shell, spring, stops
 from helmet_sim_ros.model.force.bodies import (
-    COLUMNS,
     FORCE,
     HELMET,
     Loads,
@@ -28,10 +29,8 @@ from helmet_sim_ros.model.force.bodies import (
     add_generalised,
     clear,
 )
-from helmet_sim_ros.model.fall.setup import Fall
 from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.impact import Impact
-from helmet_sim_ros.model.surface.carrier import carry
 from helmet_sim_ros.model.loop import (
     WATCHED,
     Clock,
@@ -50,6 +49,7 @@ from helmet_sim_ros.model.loop import (
     sample,
 )
 from helmet_sim_ros.model.setup import ImpactSetup
+from helmet_sim_ros.model.surface.carrier import carry
 
 _com_vel = _mujoco_function("mj_comVel")
 
@@ -57,7 +57,6 @@ THIN = 2e-3  # s between samples where the head does not strike; choice
 LOOKS = 8  # fine steps from one look ahead to the next; choice
 ROWS = 4096  # rows at first; doubled when they are full
 PIECE = 1e-4  # s, steps of what moves and gives way around the rider
-QUICK = 2.0  # m/s, rad/s, between head and shell; choice
 RELEASED = 0.05  # s, in which spring and padding let go after a strike; choice
 GROUND, TOUCH, FLIGHT = range(3)
 #: Times the first stiffness of padding and spring: what long steps assume, and what more where a
@@ -188,14 +187,14 @@ def synchronise(qvel: FloatArray, acceleration: FloatArray, pace: Pace, late: fl
 
 @compiled
 def is_held(pace: Pace, qvel: FloatArray, progress: Progress, flying: bool) -> bool:
-    """Whether long steps damp what moves between head and shell: while and after it is struck, and
-    wherever it moves faster than a long step follows."""
-    if progress.struck[0] > 0.0 or progress.time[0] < progress.fine_until[0] + RELEASED:
+    """Whether long steps damp what moves between head and shell: after it is struck, and wherever it
+    moves faster than a long step follows."""
+    if progress.time[0] < progress.fine_until[0] + RELEASED:
         return True
     if progress.fine_until[0] > 0.0 and not flying:
         return True
     for k in range(len(qvel)):
-        if pace.stiffness[k] > 0.0 and abs(qvel[k]) > QUICK:
+        if pace.stiffness[k] > 0.0 and abs(qvel[k]) > pace.limits.quick:
             return True
     return False
 
@@ -233,7 +232,8 @@ def advance_fall(
             correct(flight, motion, time[0])
         _velocity(model, data)
 
-        pressed = is_held(pace, motion.qvel, progress, flying)
+        touches = (loads.surface[HELMET] != 0.0).any()  # in the last step
+        pressed = touches or is_held(pace, motion.qvel, progress, flying)
         step = pace.fine
         if time[0] >= progress.fine_until[0] or steps[0] % LOOKS == 0:
             step = wanted(
@@ -328,7 +328,12 @@ class Falling(Impact):
         self._flight = on_ground(self._model, self._data)
         self._pace = pace_of(self, thin, limits or Limits())
         self._progress = Progress(
-            np.zeros(1), np.zeros(1), np.full(1, -1.0), np.full(1, -1, dtype=np.int64), np.zeros(1), np.zeros(1),
+            np.zeros(1),
+            np.zeros(1),
+            np.full(1, -1.0),
+            np.full(1, -1, dtype=np.int64),
+            np.zeros(1),
+            np.zeros(1),
             np.zeros(3, dtype=np.int64),
         )
         self.total = 0
@@ -412,7 +417,10 @@ def pace_of(fall: Falling, thin: float, limits: Limits) -> Pace:
         stiffness[dof : dof + 3] = around
         stiffness[dof + 3 : dof + 6] = around * float(np.min(axes)) ** 2
     if layout.slide_velocity >= 0:
-        law, slides = fall._forces.spring.law, slice(layout.slide_velocity, layout.slide_velocity + 3)
+        law, slides = (
+            fall._forces.spring.law,
+            slice(layout.slide_velocity, layout.slide_velocity + 3),
+        )
         stiffness[slides] = float((law[:, 0] * law[:, 1]).max())
         pressed[slides] = helmet.shell.contact_stiffness / helmet.shell.contact_returned
     pressed += HELD * stiffness

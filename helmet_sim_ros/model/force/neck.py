@@ -207,9 +207,7 @@ def _bent_energy(neck: CervicalSpine, qpos: FloatArray) -> float:
         bent, (sx, sy, sz) = angles(neck, qpos, i)
         fore = neck.stiffness[i, FLEXION if sy >= 0.0 else EXTENSION]
         energy += 0.5 * (
-            neck.stiffness[i, LATERAL] * sx**2
-            + fore * sy**2
-            + neck.stiffness[i, TORSION] * sz**2
+            neck.stiffness[i, LATERAL] * sx**2 + fore * sy**2 + neck.stiffness[i, TORSION] * sz**2
         )
         excess, _ = bending_excess(bent, neck.ranges[i])
         energy += _stop_energy(neck.stop_stiffness[i, 0], excess)

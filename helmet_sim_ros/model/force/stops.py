@@ -29,8 +29,9 @@ STIFFENS = math.radians(4.0)  # e0; choice, as the neck's
 FREQUENCY = 250.0  # rad/s, of what hangs on a joint at its stop: 60 rad/s pass it by 0.14 rad
 LEAST = 0.05  # kg m^2, of hand and foot: what they are part of turns, where they are held
 DAMPING = 0.5  # s/rad; choice
-HELD = 0.25  # of gravity, against which a limb holds itself; choice
-SLOW = 0.5  # rad/s, below which that friction fades to a damper; choice
+HELD = 0.3  # of its weight, that a limb holds; choice
+GIVES = 0.03  # rad, on which that friction builds up; choice
+RELAXATION = 0.02  # s, its damping over stiffness while it sticks; choice
 TRUNK = ("lumbar", "thoracic")  # joints that springs hold
 
 
@@ -42,7 +43,7 @@ class Stops(NamedTuple):
         low, high: range, (n,) [rad].
         stiffness: beyond it, (n,) [N m/rad].
         inertia: that moves least against the joint, at rest, (n,) [kg m^2].
-        friction: (n,) [N m].
+        friction: (n,) [N m]; ``stick``: its elastic deflection, (n,) [rad]; state.
     """
 
     qpos: NDArray[np.int64]
@@ -52,6 +53,11 @@ class Stops(NamedTuple):
     stiffness: FloatArray
     inertia: FloatArray
     friction: FloatArray
+    stick: FloatArray
+
+    def fresh(self) -> Stops:
+        """The same with a state of its own, at the start."""
+        return self._replace(stick=np.zeros_like(self.friction))
 
 
 def joint_stops(model: mujoco.MjModel) -> Stops:
@@ -63,6 +69,7 @@ def joint_stops(model: mujoco.MjModel) -> Stops:
     return Stops(
         model.jnt_qposadr[joints].astype(np.int64), dofs, low, high,
         FREQUENCY**2 * np.maximum(inertia, LEAST), inertia, HELD * weights(model, joints),
+        np.zeros(len(joints)),
     )  # fmt: skip
 
 
@@ -98,14 +105,25 @@ def excess_of(stops: Stops, i: int, q: float) -> float:
     return max(0.0, q - stops.high[i]) + min(0.0, q - stops.low[i])
 
 
+@inlined
+def held_torque(stops: Stops, i: int, speed: float, step: float) -> float:
+    """Friction of joint i [N m]: elastic while it sticks, then constant (Cundall & Strack 1979, as
+    the contacts'); its deflection is carried on."""
+    limit = stops.friction[i]
+    stiffness = limit / GIVES
+    stick = min(GIVES, max(-GIVES, stops.stick[i] + step * speed))
+    stops.stick[i] = stick
+    torque: float = min(limit, max(-limit, stiffness * (stick + RELAXATION * speed)))
+    return torque
+
+
 @compiled
 def apply(stops: Stops, step: float, motion: Motion, loads: Loads) -> None:
     """Add the stops' and the friction's torques [N m] to the generalised forces; ``step`` [s]."""
     for i in range(len(stops.qpos)):
         dof = stops.qvel[i]
         speed = motion.qvel[dof]
-        viscous = stops.friction[i] / max(abs(speed), SLOW)
-        loads.generalised[dof] -= viscous * speed / (1.0 + viscous * step / stops.inertia[i])
+        loads.generalised[dof] -= held_torque(stops, i, speed, step)
         excess = excess_of(stops, i, motion.qpos[stops.qpos[i]])
         if excess != 0.0:
             sense = 1.0 if excess > 0.0 else -1.0
@@ -117,9 +135,10 @@ def apply(stops: Stops, step: float, motion: Motion, loads: Loads) -> None:
 
 @compiled
 def stored_energy(stops: Stops, qpos: FloatArray) -> float:
-    """Elastic energy of the stops [J]."""
+    """Elastic energy of stops and friction [J]."""
     energy = 0.0
     for i in range(len(stops.qpos)):
         square = excess_of(stops, i, qpos[stops.qpos[i]]) ** 2
         energy += stops.stiffness[i] * square * (0.5 + 0.25 * square / STIFFENS**2)
+        energy += 0.5 * stops.friction[i] / GIVES * stops.stick[i] ** 2
     return energy

@@ -1,0 +1,118 @@
+"""Falls take long steps where nothing happens, fine ones where the head strikes."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+
+from helmet_sim_ros import Fall, evaluate, simulate
+from helmet_sim_ros.biomech.record import DENSE, same_samples
+from helmet_sim_ros.model.fall.stepping import Falling
+
+HEAD_FIRST = Fall(
+    speed=4.0, vertical_speed=-3.0, height=1.2, pitch_deg=110.0, duration=0.25, helmet="fullface"
+)
+G = 9.80665
+
+
+def run(fall: Fall, fine: bool = False, energy: bool = False) -> Falling:
+    falling = Falling(fall, energy=energy)
+    if fine:
+        falling._progress.fine_until[0] = np.inf
+    falling.run()
+    return falling
+
+
+def momenta(falling: Falling) -> tuple[np.ndarray, np.ndarray]:
+    """Momentum and angular momentum about the centre of mass of every sample, from MuJoCo."""
+    model, found = falling.model, []
+    data = mujoco.MjData(model)
+    for position, velocity in falling.states():
+        data.qpos[:], data.qvel[:] = position, velocity
+        mujoco.mj_fwdPosition(model, data)
+        mujoco.mj_fwdVelocity(model, data)
+        mujoco.mj_subtreeVel(model, data)
+        mass = model.body_subtreemass[1]
+        found.append(np.concatenate([mass * data.subtree_linvel[1], data.subtree_angmom[1]]))
+    both = np.array(found)
+    return both[:, :3], both[:, 3:]
+
+
+def test_two_seconds_of_tumbling_flight_keep_both_momenta() -> None:
+    flight = run(Fall(height=5.0, vertical_speed=20.0, spin=3.0, pitch_rate=4.0, duration=2.0))
+    momentum, spin = momenta(flight)
+    weight = flight.model.body_subtreemass[1] * np.array([0.0, 0.0, -G])
+    expected = momentum[0] + np.outer(flight.record().time, weight)
+    assert np.abs(momentum - expected).max() < 1e-6 * np.linalg.norm(momentum[0])
+    assert np.abs(spin - spin[0]).max() < 1e-6 * np.linalg.norm(spin[0])
+
+
+def test_two_seconds_of_flight_keep_the_energy_but_for_what_joints_dissipate() -> None:
+    still = run(Fall(height=5.0, vertical_speed=20.0, preset="pedestrian"), energy=True).energy
+    assert np.abs(still - still[0]).max() < 1e-6 * still[0]
+    tumbling = run(Fall(height=5.0, vertical_speed=20.0, pitch_rate=4.0), energy=True).energy
+    growth = (tumbling - np.minimum.accumulate(tumbling)).max()
+    assert growth < 1e-6 * tumbling[0]
+
+
+def test_the_peak_of_a_strike_is_that_of_fine_steps_throughout() -> None:
+    long, fine = run(HEAD_FIRST), run(HEAD_FIRST, fine=True)
+    peaks = [
+        np.linalg.norm(falling.record().head_acceleration, axis=1).max() for falling in (long, fine)
+    ]
+    assert peaks[0] == pytest.approx(peaks[1], rel=5e-3)
+    assert long._progress.taken.sum() < 0.5 * fine._progress.taken.sum()
+
+
+def test_samples_are_dense_around_strikes_and_thin_elsewhere() -> None:
+    falling = run(HEAD_FIRST)
+    record = falling.record()
+    assert record.extras[DENSE] == falling.dense
+    struck = np.flatnonzero(np.linalg.norm(record.ground_force, axis=1) > 1000.0)
+    assert len(struck)
+    inside = np.zeros(len(record), dtype=bool)
+    for first, last in falling.dense:
+        inside[first:last] = True
+        assert np.diff(record.time[first:last]) == pytest.approx(HEAD_FIRST.time_step)
+    assert inside[struck].all()
+    assert np.diff(record.time[~inside]).min() >= 0.9e-3
+    first, _ = falling.dense[0]
+    assert not record.ground_force[first].any()  # steps are fine before the first touch
+
+
+def test_a_fall_repeats_bit_for_bit_and_in_slices() -> None:
+    whole, sliced = run(HEAD_FIRST), Falling(HEAD_FIRST)
+    while not sliced.is_over:
+        sliced.advance(37)
+    assert same_samples(whole.record(), sliced.record())
+    assert same_samples(whole.record(), run(HEAD_FIRST).record())
+
+
+def test_a_whole_fall_is_evaluated_on_a_uniform_clock() -> None:
+    record = simulate(HEAD_FIRST)
+    even = record.uniform()
+    assert even.is_uniform and not record.is_uniform
+    assert even.time[-1] == pytest.approx(record.time[-1], abs=1e-4)
+    peak = np.linalg.norm(record.head_acceleration, axis=1).max() / G
+    assert evaluate(record).peak_g.value == pytest.approx(peak, rel=5e-3)
+
+
+def test_a_sliding_rider_stops_as_friction_says() -> None:
+    slide = Fall(speed=4.0, height=0.2, roll_deg=90.0, preset="pedestrian", duration=2.5)
+    falling = run(slide)
+    record = falling.record()
+    mass = falling.model.body_subtreemass[1]
+    momentum, _ = momenta(falling)
+    along = momentum[:, 0] / mass
+    way = np.trapezoid(along, record.time)
+    load = record.ground_force + record.body_ground_force
+    mu = np.trapezoid(-load[:, 0], record.time) / np.trapezoid(load[:, 2], record.time)
+    assert abs(along[-1]) < 0.05
+    sliding = np.flatnonzero(along > 0.05)[-1]
+    pressed = np.trapezoid(load[:sliding, 2], record.time[:sliding])
+    mu = np.trapezoid(-load[:sliding, 0], record.time[:sliding]) / pressed
+    assert 0.35 < mu < 0.5
+    landed = np.flatnonzero(load[:, 2] > 0.0)[0]
+    free = 4.0 * record.time[landed]
+    assert way - free == pytest.approx(4.0**2 / (2.0 * mu * G), rel=0.1)
