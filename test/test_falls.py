@@ -32,7 +32,8 @@ def peak(record) -> float:
 
 
 @lru_cache(maxsize=16)
-def fallen(preset="bicycle", scene="road", helmet="bicycle", duration=0.9, bracing="passive"):
+def fallen(preset="bicycle", scene="road", helmet="bicycle", bracing="passive"):
+    duration = 1.2 if (preset, scene) == ("pedestrian", "road") else 0.9  # who walks falls later
     fall = Fall(preset=preset, scene=scene, helmet=helmet, duration=duration, bracing=bracing)
     record = simulate(fall)
     return fall, record, head_strikes(record)
