@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 HORIZONTAL = np.array([1.0, 1.0, 0.0])  # what of a force is friction on flat ground
 
-#: Name in the extras of a record whose samples are not uniform: first and last (exclusive) sample of
-#: each stretch at ``sim.time_step``.
+#: Name in the extras of a record whose samples are not uniform: first and last (exclusive) sample
+#: of each stretch at ``sim.time_step``.
 DENSE = "dense"
 #: Channels every record carries: name -> (component labels, unit).
 CHANNELS: Mapping[str, tuple[tuple[str, ...], str]] = {
