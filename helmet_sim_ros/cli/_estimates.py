@@ -7,7 +7,10 @@ from collections.abc import Sequence
 from rich import box
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
+from helmet_sim_ros.study.falls.measures import STRIKE_MEASURES
+from helmet_sim_ros.study.falls.summary import Summary, summarise
 from helmet_sim_ros.study.sweeps.percentiles import Estimate, converged, convergence
 from helmet_sim_ros.study.sweeps.sweep import SweepResult
 
@@ -20,6 +23,8 @@ def report(result: SweepResult, console: Console) -> None:
         for last in (series[-1] for series in found if not converged(series)):
             text = f"{last.criterion}, {last.percent:g} %: not converged with {last.draws} draws"
             console.print(text, style="yellow")
+    if "strikes" in result.study.criteria:
+        report_falls(result, console)
     errors = [(row["index"], row["error"]) for row in _failed(result)]
     for index, error in errors[:10]:
         console.print(f"impact {index}: {error}", style="red", markup=False, soft_wrap=True)
@@ -30,6 +35,44 @@ def report(result: SweepResult, console: Console) -> None:
         f"{result.computed} of them computed now"
     )
     console.print(f"results: {result.folder}/results.parquet, results.csv", soft_wrap=True)
+
+
+def report_falls(result: SweepResult, console: Console) -> None:
+    """Print what the falls of a study say together, and draw it where matplotlib is installed."""
+    columns = result.table.to_pydict()
+    wanted = result.study.file.percentiles
+    for summary in summarise(columns, () if wanted is None else wanted.by):
+        console.print(falls_table(summary))
+    needed = {"peak_g", *(name for name in STRIKE_MEASURES)}
+    if not needed <= columns.keys() or not any(columns["strikes"]):
+        return
+    try:
+        from helmet_sim_ros.report.figures.falls import falls_figure
+        from helmet_sim_ros.report.figures.save import save_figure
+    except ImportError:
+        return
+    path = result.folder / "falls.png"
+    save_figure(falls_figure(columns, result.study.name), path)
+    console.print(f"figure: {path}", soft_wrap=True)
+
+
+def falls_table(summary: Summary) -> Table:
+    """Head strikes of a group of falls."""
+    group = f"{summary.group}: " if summary.group else ""
+    struck = f"head contact in {summary.struck} of {summary.falls} falls"
+    zones = ", ".join(f"{zone} {share:.0%}" for zone, share in summary.zones.items() if share)
+    table = Table(
+        title=f"{group}{struck}; the worst strike is on: {zones}" if zones else f"{group}{struck}",
+        box=box.SIMPLE_HEAD, title_justify="left", pad_edge=False,
+    )  # fmt: skip
+    table.add_column("worst strike")
+    for header in ("mean", "deviation", "5 %", "50 %", "95 %"):
+        table.add_column(header, justify="right")
+    for m in summary.measures:
+        unit = f" [{m.unit}]" if m.unit != "-" else ""
+        values = (m.mean, m.deviation, m.low, m.median, m.high)
+        table.add_row(Text(f"{m.name}{unit}"), *(f"{value:.3g}" for value in values))
+    return table
 
 
 def estimate_table(found: Sequence[Sequence[Estimate]]) -> Table:

@@ -35,7 +35,8 @@ def run_falls(
     cases: Sequence[tuple[str, Fall]], console: Console
 ) -> tuple[list[FallResult], list[str]]:
     """Simulate falls one after the other; the results, and a line for each that failed."""
-    results, failed = [], []
+    results: list[FallResult] = []
+    failed: list[str] = []
     with shown_progress(console, "falls") as progress:
         for done, (name, fall) in enumerate(cases):
             progress(done, len(cases), len(failed))
@@ -61,7 +62,9 @@ def strikes_table(results: Sequence[FallResult]) -> Table:
             table.add_row(Text(f"{result.name}: {NOTHING}"))
         for number, strike in enumerate(result.strikes):
             table.add_row(Text("" if number else result.name), *_cells(strike))
-    table.caption = "into, along: m/s; body: trunk to the surface, head down [deg]; a: krad/s^2"
+    table.caption = Text(
+        "into, along: m/s; body: trunk to the surface, head down, deg; a: krad/s^2"
+    )
     table.caption_justify = "left"
     return table
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helmet_sim_ros.biomech.record import FloatArray
+from helmet_sim_ros.model.anvil_drops import PATCH, unevenness
 from helmet_sim_ros.model.fall.setup import Fall
 from helmet_sim_ros.model.fall.start import start_fall
 from helmet_sim_ros.model.force.bodies import Chains, chains
@@ -122,7 +123,32 @@ def build(setup: ImpactSetup | Fall, helmet: Helmet) -> World:
         resume(parts.model, data, parts.layout, surface, setup, read_state(state))
     else:
         notes = place(parts.model, data, contact, surface, setup, helmet)
+        notes += _not_flat(setup, helmet)
     return World(parts, data, surface, contact, steps, notes)
+
+
+def _not_flat(setup: ImpactSetup, helmet: Helmet) -> tuple[str, ...]:
+    """What a helmet does not know of a surface that is not flat."""
+    spring = helmet.coupling == "spring"
+    bends = helmet.shell.material.bending_stiffness > 0.0
+    gap = unevenness(setup.surface_config)
+    if gap == 0.0 or (bends and not spring):
+        return ()
+    falls = f"{setup.surface} falls {gap * 1e3:.0f} mm away {PATCH * 1e3:.0f} mm beside the target"
+    if spring and helmet.spring.identified:
+        return (
+            f"{falls}: the coupling spring was identified there, from drops of its foam at this "
+            "pose; where the helmet rolls to another place it is the same",
+        )
+    if spring:
+        return (
+            f"the coupling spring stands for flat ground, and {falls}: its peaks are those of a "
+            "flat blow; helmet.coupling = foam has the local crush",
+        )
+    return (
+        f"{falls}, and a liner without a shell lets each column alone: too soft a blow; "
+        "helmet.shell.material.modulus and .thickness let the shell spread it",
+    )
 
 
 @lru_cache(maxsize=8)

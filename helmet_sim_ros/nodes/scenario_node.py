@@ -188,7 +188,7 @@ class ScenarioNode(Node):
             if self._cancelled:
                 raise NodeError("cancelled before it began")
             self._status["recorder"].pop("level", None)  # an error of an earlier case
-            await self._set(self._configure, parameter_values(case.setup))
+            await self._set(self._configure, parameter_values(case.impact))
             answer = await self._ask(self._impact, self._options.value.timeout)
             impact_id, ran = ran_impact(answer.message)
             row |= {"impact_id": impact_id, SETUP_DIGEST: ran}

@@ -60,8 +60,10 @@ class Fall(Config):
     )
     vertical_speed: float = quantity("upwards", "m/s", 0.0, ge=-20.0, le=20.0)
     height: float | None = quantity(
-        "of the hip joints above the ground; unset: that of the posture", "m", None, ge=0.0, le=10.0
-    )
+        "of the hip joints above the ground; unset: that of the posture, or what keeps the feet "
+        "out of the ground",
+        "m", None, ge=0.0, le=10.0,
+    )  # fmt: skip
     x: float = quantity("of the hips along the scene", "m", 0.0, ge=-50.0, le=50.0)
     y: float = quantity("of the hips across the scene, to the left", "m", 0.0, ge=-50.0, le=50.0)
     heading_deg: float = quantity(

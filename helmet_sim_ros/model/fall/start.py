@@ -40,14 +40,18 @@ def start_fall(
     heading = math.radians(fall.heading_deg)
     turn = rotation(fall)
     hips = np.array([0.0, 0.0, -hip_depth(fall.rider)])  # in the pelvis
-    height = fall.posture.height if fall.height is None else fall.height
-    at = np.array([fall.x, fall.y, 0.0 if height is None else height])
+    height = (fall.posture.height or 0.0) if fall.height is None else fall.height
+    at = np.array([fall.x, fall.y, height])
     mujoco.mju_mat2Quat(data.qpos[3:7], turn.flatten())
     data.qpos[:3] = at - turn @ hips
     mujoco.mj_kinematics(model, data)
-    if height is None:
-        data.qpos[2] -= lowest(model, data, contact)
-        mujoco.mj_kinematics(model, data)
+    if (
+        fall.height is None
+    ):  # a tall rider's feet do not reach into the ground, and some stand on it
+        below = lowest(model, data, contact)
+        if below < 0.0 or fall.posture.height is None:
+            data.qpos[2] -= below
+            mujoco.mj_kinematics(model, data)
     forward = np.array([math.cos(heading), math.sin(heading), 0.0])
     left = np.array([-math.sin(heading), math.cos(heading), 0.0])
     spin = np.array([0.0, 0.0, fall.spin]) + fall.pitch_rate * left + fall.roll_rate * forward
@@ -97,12 +101,13 @@ def refuse_overlap(fall: Fall) -> None:
     build(fall, fall.helmet_config)
 
 
-def _refuse(fall: Fall, body: str, shape: str, depth: float, height: float | None) -> None:
-    if shape in ("road", "half space", "ground"):
-        least = f"; height of at least {height + depth:.3g} m" if height is not None else ""
-        key, value = "height", fall.height if fall.height is not None else height
-        allowed = f"{body} starts {depth * 1e3:.0f} mm inside the {shape}{least}"
-    else:
+def _refuse(fall: Fall, body: str, shape: str, depth: float, height: float) -> None:
+    key, value = "height", height
+    allowed = (
+        f"{body} starts {depth * 1e3:.0f} mm inside the {shape}; height must be at least "
+        f"{height + depth:.3g} m in this posture"
+    )
+    if shape not in ("road", "half space", "ground"):
         key, value = "x", fall.x
         allowed = (
             f"{body} starts {depth * 1e3:.0f} mm inside {shape} of scene {fall.scene}; choose "

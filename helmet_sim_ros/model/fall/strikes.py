@@ -184,7 +184,7 @@ class HeadStrikes(tuple[Strike, ...]):
         names = [name for name, _ in COLUMNS]
         table = pandas.DataFrame(self.rows(), columns=[*names, "peak_g", "hic", "bric"])
         table.attrs["units"] = dict(COLUMNS) | {"peak_g": "g", "hic": "-", "bric": "-"}
-        return table  # type: ignore[no-any-return]
+        return table
 
     def __repr__(self) -> str:
         if not self:

@@ -77,6 +77,20 @@ class Case:
     values: Mapping[str, object]
     reference: Published | None = None
 
+    @property
+    def impact(self) -> ImpactSetup:
+        """The setup of a case that is an impact.
+
+        Raises:
+            SetupError: it is a fall.
+        """
+        if isinstance(self.setup, Fall):
+            raise SetupError.of(
+                "fall.preset", self.setup.preset,
+                f"{self.name} is a fall, which no node runs: helmet-sim run does, without nodes",
+            )  # fmt: skip
+        return self.setup
+
 
 @dataclass(frozen=True)
 class Scenario:

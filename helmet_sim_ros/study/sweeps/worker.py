@@ -49,15 +49,25 @@ def run_chunk(job: Job, chunk: Sequence[Mapping[str, object]]) -> list[Outcome]:
     from helmet_sim_ros.biomech.evaluation import evaluate
     from helmet_sim_ros.biomech.record import ImpactRecord
     from helmet_sim_ros.model.fall.setup import Fall, is_fall, setup_or_fall
+    from helmet_sim_ros.model.fall.stepping import Falling
     from helmet_sim_ros.model.impact import Impact
     from helmet_sim_ros.model.setup import ImpactSetup
     from helmet_sim_ros.study.falls.measures import judge_fall
 
+    def made(values: Mapping[str, object]) -> ImpactSetup | Fall:
+        return setup_or_fall(values)
+
     def samples(setup: ImpactSetup | Fall) -> int:
         return setup.samples
 
+    def begun(setup: ImpactSetup | Fall) -> Impact:
+        return Falling(setup) if isinstance(setup, Fall) else Impact(setup)
+
     def advanced(impact: Impact) -> Impact:
-        impact.advance(impact.total)
+        if isinstance(impact, Falling):
+            impact.run()
+        else:
+            impact.advance(impact.total)
         return impact
 
     def judged(record: ImpactRecord) -> Outcome:
@@ -70,8 +80,8 @@ def run_chunk(job: Job, chunk: Sequence[Mapping[str, object]]) -> list[Outcome]:
         return Outcome("ok", None, result.verdict, numbers)
 
     outcomes: list[Outcome] = []
-    for block in _blocks(_tried(setup_or_fall, chunk), samples):
-        records = _tried(Impact.record, _tried(advanced, _tried(Impact, block)))
+    for block in _blocks(_tried(made, chunk), samples):
+        records = _tried(Impact.record, _tried(advanced, _tried(begun, block)))
         outcomes += _tried(judged, records)
     return outcomes
 

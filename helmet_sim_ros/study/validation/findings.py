@@ -85,10 +85,10 @@ def findings(
 def _findings(experiment: Experiment, known: dict[str, Measures]) -> list[Finding]:
     names = [value.criterion for value in experiment.values]
     cases = experiment.setups()
-    ours = [_measured(case.setup, names, known) for case in cases]
+    ours = [_measured(case.impact, names, known) for case in cases]
     other: Sequence[Measures] = ()
     if experiment.against:
-        other = [_measured(case.setup, names, known) for case in experiment.setups(True)]
+        other = [_measured(case.impact, names, known) for case in experiment.setups(True)]
     found = []
     for value in experiment.values:
         of = [measures[value.criterion] for measures in ours]

@@ -79,7 +79,7 @@ def validate(progress: Callable[[str], None] = lambda _: None) -> Validation:
     progress("Table 1, six cases with either helmet")
     table = _pairs("oblique_table1")
     paper = tuple(
-        run_case(c.name, c.setup, c.reference) for c in load_scenario("oblique_paper").cases
+        run_case(c.name, c.impact, c.reference) for c in load_scenario("oblique_paper").cases
     )
     progress("refinement of time step and columns")
     refinement = tuple(_refined(oblique, drops))
@@ -93,14 +93,14 @@ def _pairs(scenario: str) -> tuple[tuple[CaseResult, CaseResult], ...]:
     columns = []
     for overrides in (SPRING, FOAM):
         cases = load_scenario(scenario, overrides=overrides).cases
-        columns.append([run_case(c.name, c.setup, c.reference) for c in cases])
+        columns.append([run_case(c.name, c.impact, c.reference) for c in cases])
     return tuple(zip(*columns, strict=True))
 
 
 def _varied(changes: Mapping[str, object]) -> Iterable[CaseResult]:
     """Table 1 with the foam helmet and some values changed."""
     for case in load_scenario("oblique_table1", overrides={**FOAM, **changes}).cases:
-        yield run_case(case.name, case.setup, case.reference)
+        yield run_case(case.name, case.impact, case.reference)
 
 
 def _refined(

@@ -1,0 +1,129 @@
+"""Studies and scenarios of falls: measures of strikes, summaries, pages, the command line."""
+
+from __future__ import annotations
+
+import csv
+
+import pytest
+import yaml
+from click.testing import CliRunner
+
+from helmet_sim_ros import Fall, head_strikes, simulate
+from helmet_sim_ros.cli import main
+from helmet_sim_ros.errors import SetupError
+from helmet_sim_ros.report.falls.page import falls_page
+from helmet_sim_ros.report.falls.tables import FallResult, to_csv, to_scenario
+from helmet_sim_ros.study import load_scenario
+from helmet_sim_ros.study.falls.measures import STRIKE_MEASURES, judge_fall
+from helmet_sim_ros.study.falls.summary import summarise, zone_of
+from helmet_sim_ros.study.sweeps.study import load_study
+from helmet_sim_ros.study.sweeps.sweep import sweep
+from helmet_sim_ros.study.sweeps.worker import Job, run_chunk
+
+FALL = {"fall.preset": "bicycle", "helmet.name": "none", "sim.duration": 0.7}
+NOTHING = FALL | {"sim.duration": 0.1}
+
+
+@pytest.fixture(scope="module")
+def result():
+    fall = Fall(preset="bicycle", helmet="none", duration=0.7)
+    return FallResult("over the bars", fall, head_strikes(simulate(fall)))
+
+
+def test_a_worker_gives_the_measures_and_criteria_of_the_worst_strike(result):
+    names = (*STRIKE_MEASURES, "peak_g")
+    ok, nothing = run_chunk(Job("ece_r22_05", names), [FALL, NOTHING])
+    worst = result.strikes.worst
+    values = dict(zip(names, ok.values, strict=True))
+    assert ok.status == nothing.status == "ok"
+    assert values["strikes"] == len(result.strikes)
+    assert values["strike_normal_velocity"] == worst.normal_velocity
+    assert values["strike_azimuth_deg"] == worst.location.azimuth_deg
+    assert values["peak_g"] == worst.evaluation.peak_g.value
+    assert ok.verdict in ("pass", "fail")
+    assert nothing.values == (0.0, *[None] * (len(names) - 1)) and nothing.verdict is None
+    assert judge_fall(simulate(result.fall), "ece_r22_05", ["strikes"])[1] == (len(result.strikes),)
+
+
+def test_a_study_of_falls_has_columns_for_strikes(tmp_path):
+    path = tmp_path / "few.yaml"
+    text = {"common": FALL | {"sim.duration": 0.6}, "product": {"fall.speed": [3.0, 6.0]},
+            "criteria": ["strikes", "strike_speed", "peak_g"]}  # fmt: skip
+    path.write_text(yaml.safe_dump(text), encoding="utf-8")
+    table = sweep(load_study(str(path)), tmp_path / "out", workers=0).table.to_pydict()
+    assert table["status"] == ["ok", "ok"] and table["fall.speed"] == [3.0, 6.0]
+    summary = summarise(table)[0]
+    assert summary.falls == 2 and summary.struck == sum(n > 0 for n in table["strikes"])
+
+
+def test_measures_of_strikes_are_refused_for_impacts(tmp_path):
+    path = tmp_path / "impacts.yaml"
+    text = {"common": {"impact.normal_velocity": 5.0}, "cases": [{"rider.height": 1.7}],
+            "criteria": ["strike_speed"]}  # fmt: skip
+    path.write_text(yaml.safe_dump(text), encoding="utf-8")
+    with pytest.raises(SetupError, match=r"strike_speed.*goes with falls"):
+        load_study(str(path))
+
+
+def test_a_summary_counts_falls_without_contact_and_leaves_failed_ones_out():
+    columns = {
+        "status": ["ok", "ok", "ok", "failed"], "strikes": [1.0, 2.0, 0.0, None],
+        "strike_speed": [4.0, 6.0, None, None], "strike_azimuth_deg": [0.0, 80.0, None, None],
+        "strike_elevation_deg": [0.0, 10.0, None, None],
+    }  # fmt: skip
+    (summary,) = summarise(columns)
+    assert (summary.falls, summary.struck) == (3, 2)
+    (speed,) = summary.measures
+    assert (speed.name, speed.mean, speed.median) == ("strike_speed", 5.0, 5.0)
+    assert summary.zones["front"] == summary.zones["left"] == 0.5
+    assert zone_of(170.0, 10.0) == "back" and zone_of(0.0, 80.0) == "top"
+
+
+@pytest.mark.parametrize("name", ["falls_motorcycle"])
+def test_a_scenario_of_falls_is_made_of_falls(name):
+    scenario = load_scenario(name, duration=0.5)
+    assert scenario.setups == () and len(scenario.falls) == len(scenario.cases) > 3
+    assert all(fall.duration == 0.5 for fall in scenario.falls)
+    with pytest.raises(SetupError, match="is a fall, which no node runs"):
+        _ = scenario.cases[0].impact
+
+
+def test_strikes_become_a_scenario_of_impacts(result, tmp_path):
+    path = tmp_path / "strikes.yaml"
+    path.write_text(to_scenario([result]), encoding="utf-8")
+    setups = load_scenario(str(path)).setups
+    wanted = [s for s in result.strikes if s.normal_velocity > 0.0]
+    assert [s.normal_velocity for s in setups] == [s.normal_velocity for s in wanted]
+    assert setups[0].described() == wanted[0].setup().described()
+
+
+def test_the_table_has_a_line_per_strike(result):
+    rows = list(csv.DictReader(to_csv([result]).splitlines()))
+    assert len(rows) == len(result.strikes)
+    assert float(rows[0]["normal_velocity [m/s]"]) == pytest.approx(
+        result.strikes[0].normal_velocity
+    )
+
+
+def test_the_page_shows_strikes_and_falls_without(result):
+    empty = FallResult("<b>upright</b>", Fall(preset="pedestrian"), head_strikes(
+        simulate(Fall(preset="pedestrian", duration=0.05))))  # fmt: skip
+    page = falls_page([result, empty])
+    assert page.count('<td class="number"><a href="#strike-') == len(result.strikes)
+    assert "No head contact: &lt;b&gt;upright" in page and "<b>upright" not in page
+
+
+def test_the_verb_shows_a_fall_and_writes_its_strikes(tmp_path):
+    output = tmp_path / "out"
+    words = ["fall", "bicycle", "--helmet", "none", "--duration", "0.7", "--output", str(output)]
+    done = CliRunner().invoke(main, words, env={"COLUMNS": "120"})
+    assert done.exit_code == 0, done.output
+    assert "Head strikes" in done.output and "road" in done.output
+    assert {"falls.html", "strikes.csv", "strikes.yaml"} <= {p.name for p in output.iterdir()}
+
+
+def test_the_verb_says_no_head_contact_and_refuses_bad_input():
+    done = CliRunner().invoke(main, ["fall", "pedestrian", "--duration", "0.1"])
+    assert done.exit_code == 0 and "no head contact" in done.output
+    refused = CliRunner().invoke(main, ["fall", "--speed", "500"])
+    assert refused.exit_code == 2 and "must be a number from 0 to 40 m/s" in refused.output
