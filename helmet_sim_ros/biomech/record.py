@@ -148,7 +148,7 @@ class ImpactRecord:
             columns = [np.interp(time, self.time, column) for column in samples.T]
             return np.column_stack(columns) if columns else np.zeros((count, 0))
 
-        arrays = {name: at(getattr(self, name)) for name in CHANNELS}
+        arrays: dict[str, Any] = {name: at(getattr(self, name)) for name in CHANNELS}
         for name in ("head_orientation", "helmet_orientation"):
             turns = _same_side(getattr(self, name))
             between = at(turns)
