@@ -45,8 +45,8 @@ def test_every_posture_and_scene_says_where_it_comes_from(preset):
 
 
 @pytest.mark.parametrize("scene", SCENES)
-def test_every_scene_lets_a_cyclist_start(scene):
-    fall = Fall(preset="bicycle", scene=scene)
+def test_every_scene_lets_a_rider_start(scene):
+    fall = Fall(preset="motorcycle", scene=scene)
     assert load_scene(scene).description
     assert fall.surface_config.shapes
 

@@ -54,13 +54,15 @@ def run_chunk(job: Job, chunk: Sequence[Mapping[str, object]]) -> list[Outcome]:
     from helmet_sim_ros.model.setup import ImpactSetup
     from helmet_sim_ros.study.falls.measures import judge_fall
 
-    def made(values: Mapping[str, object]) -> ImpactSetup | Fall:
-        return setup_or_fall(values)
+    def planned(values: Mapping[str, object]) -> tuple[int, ImpactSetup | Fall]:
+        setup = setup_or_fall(values)
+        return setup.samples, setup
 
-    def samples(setup: ImpactSetup | Fall) -> int:
-        return setup.samples
+    def samples(plan: tuple[int, ImpactSetup | Fall]) -> int:
+        return plan[0]
 
-    def begun(setup: ImpactSetup | Fall) -> Impact:
+    def begun(plan: tuple[int, ImpactSetup | Fall]) -> Impact:
+        setup = plan[1]
         return Falling(setup) if isinstance(setup, Fall) else Impact(setup)
 
     def advanced(impact: Impact) -> Impact:
@@ -80,7 +82,7 @@ def run_chunk(job: Job, chunk: Sequence[Mapping[str, object]]) -> list[Outcome]:
         return Outcome("ok", None, result.verdict, numbers)
 
     outcomes: list[Outcome] = []
-    for block in _blocks(_tried(made, chunk), samples):
+    for block in _blocks(_tried(planned, chunk), samples):
         records = _tried(Impact.record, _tried(advanced, _tried(begun, block)))
         outcomes += _tried(judged, records)
     return outcomes
