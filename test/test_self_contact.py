@@ -77,9 +77,9 @@ def test_an_arm_does_not_pass_through_the_chest() -> None:
 
 
 def test_crossed_legs_push_each_other_apart() -> None:
-    impact, own, motion, loads, _ = posed(hip_abduction_left=-0.4, hip_abduction_right=-0.4)
+    impact, own, motion, loads, _ = posed(hip_abduction_left=-0.2, hip_abduction_right=-0.2)
     self_contact.apply(own, 5e-5, motion, loads)
-    left = int(impact.model.body("shank_left").id)
+    left = int(impact.model.body("thigh_left").id)
     assert loads.wrenches[left, :3].any()
 
 

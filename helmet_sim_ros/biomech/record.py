@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 HORIZONTAL = np.array([1.0, 1.0, 0.0])  # what of a force is friction on flat ground
 
-#: Name in the extras of a record whose samples are not uniform: first and last (exclusive) sample of
-#: each stretch at ``sim.time_step``.
+#: Name in the extras of a record whose samples are not uniform: first and last (exclusive) sample
+#: of each stretch at ``sim.time_step``.
 DENSE = "dense"
 #: Channels every record carries: name -> (component labels, unit).
 CHANNELS: Mapping[str, tuple[tuple[str, ...], str]] = {
@@ -148,7 +148,7 @@ class ImpactRecord:
             columns = [np.interp(time, self.time, column) for column in samples.T]
             return np.column_stack(columns) if columns else np.zeros((count, 0))
 
-        arrays = {name: at(getattr(self, name)) for name in CHANNELS}
+        arrays: dict[str, Any] = {name: at(getattr(self, name)) for name in CHANNELS}
         for name in ("head_orientation", "helmet_orientation"):
             turns = _same_side(getattr(self, name))
             between = at(turns)

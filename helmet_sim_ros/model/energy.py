@@ -19,7 +19,7 @@ def mechanical_energy(engine: Engine, forces: Forces, motion: Motion) -> float:
     _energy_pos(engine.model, engine.data)
     _energy_vel(engine.model, engine.data)
     qpos = motion.qpos
-    energy = engine.energy[0] + engine.energy[1] + held_elastically(forces, motion)
+    energy: float = engine.energy[0] + engine.energy[1] + held_elastically(forces, motion)
     if forces.spring.slide >= 0:
         slide = forces.spring.slide
         energy += spring.recoverable_energy(forces.spring, qpos[slide : slide + 3])

@@ -376,9 +376,12 @@ def _ellipsoids(model: mujoco.MjModel, helmet: Helmet, scale: float) -> Contact:
         )  # fmt: skip
         law = np.vstack([mine, law])
     state = np.zeros((len(body), 0, 3))
+    stiffness, damping, returned, friction, thickness, straight, mass, relaxation = (
+        np.ascontiguousarray(column) for column in law.T
+    )
     return Contact(
-        shell, body, center, semi_axes, semi_axes.max(axis=1, initial=0.0),
-        *(np.ascontiguousarray(column) for column in law.T), state, state[:, :, 0], state,
+        shell, body, center, semi_axes, semi_axes.max(axis=1, initial=0.0), stiffness, damping,
+        returned, friction, thickness, straight, mass, relaxation, state, state[:, :, 0], state,
     )  # fmt: skip
 
 

@@ -175,10 +175,10 @@ def body_step(
     if gap > 0.0:
         if speed <= 0.0:
             return longest
-        return min(longest, max(fast, 0.7 * gap / speed))
+        return min(longest, float(max(fast, 0.7 * gap / speed)))
     force = FAST * elastic_force(contact.stiffness[i], thickness, contact.straight[i], -gap)
     slowed = max(limits.body, limits.speed_change * contact.mass[i] / max(force, 1e-6))
-    return min(longest, limits.calm, fast, slowed)
+    return float(min(longest, limits.calm, fast, slowed))
 
 
 @compiled

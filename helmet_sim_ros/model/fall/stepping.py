@@ -1,6 +1,6 @@
-"""A whole fall, stepped as long as nothing happens and as finely as an impact where the head strikes.
+"""A whole fall: long steps where nothing happens, those of an impact where the head strikes.
 
-The scheme is that of :mod:`helmet_sim_ros.model.loop`; fine steps are the same to the last bit.
+The scheme is that of :mod:`helmet_sim_ros.model.loop`, for steps that change.
 Longer steps do not resolve the quick motion of the stiff joints between head, liner and shell: they
 add h^2 K to the inertia there, which slows it down, and, where a strike has loaded them, solve
 (M + h D + h^2 K) a = F - h K v, which also damps it.
@@ -187,8 +187,8 @@ def synchronise(qvel: FloatArray, acceleration: FloatArray, pace: Pace, late: fl
 
 @compiled
 def is_held(pace: Pace, qvel: FloatArray, progress: Progress, flying: bool) -> bool:
-    """Whether long steps damp what moves between head and shell: after it is struck, and wherever it
-    moves faster than a long step follows."""
+    """Whether long steps damp what moves between head and shell: after it is struck, and wherever
+    it moves faster than a long step follows."""
     if progress.time[0] < progress.fine_until[0] + RELEASED:
         return True
     if progress.fine_until[0] > 0.0 and not flying:
@@ -346,9 +346,13 @@ class Falling(Impact):
     @property
     def dense(self) -> tuple[tuple[int, int], ...]:
         """See :class:`Falling`."""
-        flags = np.concatenate([[False], self._log.dense[: self._done], [False]]).astype(int)
-        edges = np.flatnonzero(np.diff(flags))
-        return tuple((int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True))
+        fine, time = np.flatnonzero(self._log.dense[: self._done]), self._time
+        if not len(fine):
+            return ()
+        # Fine steps may end and begin again between two thin samples.
+        apart = np.diff(time[fine]) > 1.5 * self.setup.time_step
+        firsts, lasts = fine[np.r_[True, apart]], fine[np.r_[apart, True]]
+        return tuple((int(a), int(b) + 1) for a, b in zip(firsts, lasts, strict=True))
 
     @property
     def energy(self) -> FloatArray:

@@ -92,7 +92,8 @@ def is_near(where: FloatArray, reach: FloatArray, a: int, b: int) -> bool:
     """Whether the spheres about two parts meet."""
     x, y, z = where[a, 6] - where[b, 6], where[a, 7] - where[b, 7], where[a, 8] - where[b, 8]
     far = reach[a] + reach[b]
-    return x * x + y * y + z * z < far * far
+    near: bool = x * x + y * y + z * z < far * far
+    return near
 
 
 @compiled

@@ -102,7 +102,8 @@ def weights(model: mujoco.MjModel, joints: NDArray[np.int64]) -> FloatArray:
 @inlined
 def excess_of(stops: Stops, i: int, q: float) -> float:
     """How far joint i is beyond its range [rad], negative below it."""
-    return max(0.0, q - stops.high[i]) + min(0.0, q - stops.low[i])
+    excess: float = max(0.0, q - stops.high[i]) + min(0.0, q - stops.low[i])
+    return excess
 
 
 @inlined

@@ -57,11 +57,13 @@ def self_contact(model: mujoco.MjModel, helmet: Helmet, body: Anthropometry) -> 
     )
     laws = np.array([_law(parts[a], parts[b], masses[[a, b]], body.scale) for a, b in pairs])
     first, second = (np.array([pair[k] for pair in pairs], dtype=np.int64) for k in (0, 1))
+    stiffness, thickness, straight, mass = (
+        np.ascontiguousarray(column) for column in laws.reshape(-1, 4).T
+    )
     return SelfContact(
         bodies, np.ascontiguousarray(ends[:, 0]), np.ascontiguousarray(ends[:, 1]), radius,
         semi_axes, reach, first, second, np.zeros(len(pairs)),
-        *(np.ascontiguousarray(column) for column in laws.reshape(-1, 4).T),
-        tissue.DAMPING, FRICTION, np.zeros((len(parts), 9)),
+        stiffness, thickness, straight, mass, tissue.DAMPING, FRICTION, np.zeros((len(parts), 9)),
     )  # fmt: skip
 
 
@@ -123,8 +125,8 @@ def _pairs() -> Iterator[tuple[str, str]]:
     ):
         for limb, side in itertools.product(limbs, SIDES):
             yield trunk, f"{limb}_{side}"
-    for limbs in (ARM, LEG):
-        for a, b in itertools.product(limbs, limbs):
+    for both in (ARM, LEG):
+        for a, b in itertools.product(both, both):
             yield f"{a}_left", f"{b}_right"
     for a, b in itertools.product(ARM[1:], LEG):
         for one, other in itertools.product(SIDES, SIDES):
