@@ -30,12 +30,13 @@ class Region(NamedTuple):
 #: 30 mm at 23.4 kg and 1.5 m/s, 60 mm at 4 to 6 m/s (Compigne et al., IRCOBI 2003: at most
 #: 58 kN/m). Abdomen: about 24 kN/m at 6 m/s (Cavanaugh et al. 1986, general). Limbs, hands and feet
 #: and all thicknesses are general anatomy: muscle and skin over bone, of the trunk what gives way
-#: before the spine is met: half a chest's breadth of 0.3 m less half a vertebra.
+#: before the spine is met: half a chest's breadth of 0.3 m less half a vertebra. An upper arm is
+#: struck where it hangs on the shoulder, whose girdle gives way by 60 mm beside the flesh over it.
 REGIONS: dict[str, Region] = {
     "pelvis": Region(30e3, 0.090),
     "abdomen": Region(12e3, 0.120),
     "thorax": Region(40e3, 0.110),
-    "upper_arm": Region(29e3, 0.035),
+    "upper_arm": Region(29e3, 0.100),
     "forearm": Region(40e3, 0.025),
     "hand": Region(40e3, 0.020),
     "thigh": Region(40e3, 0.050),
