@@ -18,6 +18,7 @@ from helmet_sim_ros.model.surface.config import SurfaceConfig, load_surface
 from helmet_sim_ros.schema import Config, leaf_values, leaves, quantity
 
 Rig = Literal["rider", "headform", "monorail"]
+Rates = Literal["several", "single"]
 Direction = Literal["front", "back", "left", "right", "top"]
 
 #: Flexion of the neck that the rider reaches [deg] (facts: flexion 50 to 60 deg).
@@ -83,6 +84,11 @@ class ImpactSetup(Config):
         "a smaller one (5e-5 s or less)",
         "s", 5e-5, ge=1e-6, le=1e-3,
     )  # fmt: skip
+    rates: Rates = Field(
+        "several",
+        description="several: the body at a large step, head and helmet at the integration step; "
+        "single: all at the integration step, as a reference",
+    )
     overrides: dict[str, Any] = Field(
         default_factory=dict, description="dotted names of rider, helmet, impact or sim values"
     )
@@ -218,7 +224,7 @@ def _setup_keys() -> dict[str, str]:
     for leaf in leaves(ImpactSetup):
         if "." in leaf.name or leaf.name == "helmet":
             continue
-        group = "sim" if leaf.name in ("duration", "time_step") else "impact"
+        group = "sim" if leaf.name in ("duration", "time_step", "rates") else "impact"
         names[f"{group}.{leaf.name}"] = leaf.name
     return names
 

@@ -122,6 +122,15 @@ def chains(model: mujoco.MjModel) -> Chains:
     return Chains(last, model.dof_parentid.astype(np.int64))
 
 
+def chain_of(chains: Chains, body: int) -> NDArray[np.int64]:
+    """The degrees of freedom that move a body, in the order of the tree."""
+    found, dof = [], int(chains.last[body])
+    while dof >= 0:
+        found.append(dof)
+        dof = int(chains.parent[dof])
+    return np.array(found[::-1], dtype=np.int64)
+
+
 @compiled
 def clear(loads: Loads) -> None:
     """Set all loads to zero."""

@@ -87,6 +87,15 @@ class Contact(NamedTuple):
             stick=np.zeros(size), peak=np.zeros(size[:2]), direction=np.zeros(size)
         )
 
+    def parts(self, count: int) -> tuple[Contact, Contact]:
+        """The first ``count`` ellipsoids and the others, with the same state."""
+        arrays = self[1:]
+        first, others = (
+            Contact(self.helmet, *(array[rows] for array in arrays))
+            for rows in (slice(count), slice(count, None))
+        )
+        return first, others
+
 
 @inlined
 def center_of(contact: Contact, motion: Motion, i: int) -> Vec:
