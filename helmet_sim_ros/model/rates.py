@@ -288,12 +288,15 @@ def renew(
     struck, _, stopped, necked, touching, _, _, _, _ = forces
     count = 9 if carried.spring >= 0 else 6
     first, last = carried.slide_velocity, carried.slide_velocity + count
+    # In a leapfrog velocities stand half a fine step before their positions: of the kicks from start
+    # to end the middle is half a fine step before that of the positions.
+    way = 0.5 * (length - engine.step)
     for j in range(len(qvel)):
-        mean[j] = start[j] + 0.25 * length * latest[j]
+        mean[j] = start[j] + (0.5 * way + 0.5 * engine.step) * latest[j]
         qvel[j] = start[j] + 0.5 * length * latest[j]
     mean[first:last] = 0.0
     qvel[first:last] = 0.0
-    integrate_pos(model, qpos.ctypes.data, mean.ctypes.data, 0.5 * length)
+    integrate_pos(model, qpos.ctypes.data, mean.ctypes.data, way)
     kinematics(model, data)
     com_pos(model, data)
     for k in range(len(carried.carrying)):
@@ -359,10 +362,14 @@ def head_rate(
             drift[k] += carrier.jacobian[k, j] * slow[j]
             bias[k] += carrier.axes_rate[j, k] * motion.qvel[j]
     rotation, o = matrix(motion.rotation, carried.head), motion.origin
+    v = motion.velocity[carried.head]
     arm = sub(row(motion.position, carried.head), (o[0], o[1], o[2]))
-    spin = (bias[0], bias[1], bias[2])
+    turn, spin = (v[0], v[1], v[2]), (bias[0], bias[1], bias[2])
+    # Of the head's own point, not of what passes the origin: it does not know how fast all moves.
+    speed = add((v[3], v[4], v[5]), cross(turn, arm))
+    moved = add(add((bias[3], bias[4], bias[5]), cross(spin, arm)), cross(turn, speed))
     put(turning, 0, turned_back(rotation, spin))
-    put(turning, 3, turned_back(rotation, add((bias[3], bias[4], bias[5]), cross(spin, arm))))
+    put(turning, 3, turned_back(rotation, moved))
     for k in range(6):
         drift[k] += turning[k]
 
@@ -409,7 +416,6 @@ def advance_several(
     )  # fmt: skip
     twist, drift, turning, rate = np.zeros(6), np.zeros(6), np.zeros(6), np.zeros(6)
     wrench, impulse, impulses, average = np.zeros(6), np.zeros(6), np.zeros(6), np.zeros(6)
-    now = np.zeros(6)
     total = len(rows.qpos) * clock.substeps
     position_h, rotation_h, velocity_h = (
         motion.position[helmet], motion.rotation[helmet], motion.velocity[helmet]
@@ -427,24 +433,29 @@ def advance_several(
         renew(engine, motion, slow_loads, forces, carried, carrier, length)
         head_rate(motion, carried, carrier, slow, twist, drift, turning)
         o = (motion.origin[0], motion.origin[1], motion.origin[2])
-        # The head's pose at the start of the step, back from the middle.
+        # The head's pose at the start of the step, back from the middle; its velocity half a fine
+        # step before.
+        way = 0.5 * (length - step)
         back = np.zeros(6)
         for n in range(len(carried.chain)):
             j = carried.chain[n]
             for k in range(6):
                 back[k] += carrier.jacobian[k, j] * latest[j]
         for k in range(6):
-            back[k] = twist[k] + 0.25 * length * (back[k] - turning[k])
+            back[k] = twist[k] + 0.5 * (way + step) * back[k] - 0.5 * way * turning[k]
             twist[k] -= 0.5 * length * turning[k]
         spin = (back[0], back[1], back[2])
         q = carrier.quaternion[chest]
         head_q = (q[0], q[1], q[2], q[3])
-        between = matrix_of(turned_by(head_q, spin, -0.25 * length))
-        head_q = turned_by(head_q, spin, -0.5 * length)
+        middle_r = matrix(motion.rotation, chest)
+        head_q = turned_by(head_q, spin, -way)
         head_p = sub(
             row(motion.position, chest),
-            scaled(turned(between, (back[3], back[4], back[5])), 0.5 * length),
+            scaled(turned(middle_r, (back[3], back[4], back[5])), way),
         )
+        head_v = turned(middle_r, (twist[3], twist[4], twist[5]))
+        put(carrier.drift[0], 0, head_v)
+        put(carrier.drift[0], 3, (twist[0], twist[1], twist[2]))
         held = row(slow_loads.wrenches, chest)
         w = slow_loads.wrenches[chest]
         held_moment = sub((w[3], w[4], w[5]), cross(sub(head_p, o), held))
@@ -456,7 +467,7 @@ def advance_several(
         helmet_r = matrix_of(helmet_q)
         shift = (qpos[first], qpos[first + 1], qpos[first + 2])
         helmet_p = add(head_p, turned(head_r, shift))
-        head_spin, head_speed = (twist[0], twist[1], twist[2]), (twist[3], twist[4], twist[5])
+        head_spin, head_speed = (twist[0], twist[1], twist[2]), turned_back(head_r, head_v)
         relative = (qvel[first_v + 3], qvel[first_v + 4], qvel[first_v + 5])
         spin_h = add(turned_back(helmet_r, turned(head_r, head_spin)), relative)
         frame_v = turned(
@@ -487,13 +498,8 @@ def advance_several(
         gathered, moments = 0, 0.0
         for n in range(count):
             time = n * step
-            for k in range(6):
-                total_rate = twist[k] + time * drift[k]
-                for i in range(6):
-                    total_rate += apparent[k, i] * impulse[i]
-                now[k] = total_rate
-            head_spin, head_speed = (now[0], now[1], now[2]), (now[3], now[4], now[5])
             head_r, helmet_r = matrix_of(head_q), matrix_of(helmet_q)
+            head_speed = turned_back(head_r, head_v)
             # What MuJoCo's arrays say of head and helmet, as at a single rate.
             helmet_p = sub(inner_x, turned(helmet_r, inner.center))
             arm = sub(helmet_p, head_p)
@@ -527,7 +533,7 @@ def advance_several(
             put(position_0, 0, head_p)
             world = turned(head_r, head_spin)
             put(velocity_0, 0, world)
-            put(velocity_0, 3, add(turned(head_r, head_speed), cross(world, sub(o, head_p))))
+            put(velocity_0, 3, add(head_v, cross(world, sub(o, head_p))))
             for k in range(9):
                 rotation_h[k] = helmet_r[k]
                 rotation_0[k] = head_r[k]
@@ -579,14 +585,13 @@ def advance_several(
             if (done + n) % clock.substeps == 0:
                 i = (done + n) // clock.substeps
                 alpha, linear = (rate[0], rate[1], rate[2]), (rate[3], rate[4], rate[5])
-                felt = add(linear, cross(head_spin, head_speed))
-                felt = sub(felt, turned_back(head_r, gravity))
+                felt = sub(linear, turned_back(head_r, gravity))
                 put(sensors, gauges.head_position, head_p)
                 g = gauges.head_orientation
                 sensors[g], sensors[g + 1], sensors[g + 2], sensors[g + 3] = head_q
                 g = gauges.helmet_orientation
                 sensors[g], sensors[g + 1], sensors[g + 2], sensors[g + 3] = helmet_q
-                put(sensors, gauges.head_velocity, turned(head_r, head_speed))
+                put(sensors, gauges.head_velocity, head_v)
                 put(sensors, gauges.head_angular_velocity, world)
                 put(sensors, gauges.head_specific_force, turned(head_r, felt))
                 put(sensors, gauges.head_angular_acceleration, turned(head_r, alpha))
@@ -643,16 +648,12 @@ def advance_several(
             for k in range(6):
                 impulse[k] += step * wrench[k]
             for k in range(6):
-                value = twist[k] + time * drift[k]
-                for i in range(6):
-                    value += apparent[k, i] * impulse[i]
-                now[k] = value
                 impulses[k] += impulse[k]
             gathered += 1
             moments += time
-            head_spin, head_speed = (now[0], now[1], now[2]), (now[3], now[4], now[5])
-            between = matrix_of(turned_by(head_q, head_spin, 0.5 * step))
-            head_p = add(head_p, scaled(turned(between, head_speed), step))
+            head_v = add(head_v, scaled(turned(head_r, (rate[3], rate[4], rate[5])), step))
+            head_spin = add(head_spin, scaled((rate[0], rate[1], rate[2]), step))
+            head_p = add(head_p, scaled(head_v, step))
             head_q = turned_by(head_q, head_spin, step)
             helmet_q = turned_by(helmet_q, spin_h, step)
             inner_x = add(inner_x, scaled(inner_v, step))
@@ -670,6 +671,7 @@ def advance_several(
         # The end of the large step: joints of the body by their own, of the helmet from the poses.
         joint_velocity(carrier, slow, length, impulse, qvel)
         head_r, helmet_r = matrix_of(head_q), matrix_of(helmet_q)
+        head_speed = turned_back(head_r, head_v)
         helmet_p = sub(inner_x, turned(helmet_r, inner.center))
         shift = turned_back(head_r, sub(helmet_p, head_p))
         frame_v = sub(inner_v, turned(helmet_r, cross(spin_h, inner.center)))
@@ -688,6 +690,8 @@ def advance_several(
                 qvel, spring_v,
                 sub(turned_back(helmet_r, sub(shell_v, frame_v)), cross(spin_h, middle)),
             )  # fmt: skip
+        put(carrier.drift[1], 0, head_v)
+        put(carrier.drift[1], 3, head_spin)
         for j in range(len(latest)):
             value = slow[j]
             for k in range(6):
