@@ -66,6 +66,9 @@ _solve_m: Any = types.ExternalFunction(
 )
 
 SHORTEST, LONGEST = 5e-5, 4e-4  # s, bounds of the large step
+#: Error of the head's speed that a large step may have [m/s], of its turning at this arm [m].
+TOLERANCE, ARM = 2e-3, 0.1
+GROWTH = 2.0  # from one large step to the next, at most
 
 
 class Solid(NamedTuple):
@@ -134,7 +137,9 @@ class Carrier(NamedTuple):
         jacobian: B, (6, nv): angular, then linear, head axes.
         response: M^-1 B^T, transposed, (6, nv); ``apparent``: A, (6, 6).
         steps: state: fine steps done, and of the next large step; (2,).
-        drift: state: of the head in the last two large steps, and their lengths [s]; (2, 7).
+        drift: state: of the head in the large step before (6), and that step's length [s]; (7,).
+        slope: state: rate of change of the drift, (6,).
+        tolerance: see ``TOLERANCE``; ``longest``: large step [s].
     """
 
     inertia: FloatArray
@@ -149,6 +154,9 @@ class Carrier(NamedTuple):
     apparent: FloatArray
     steps: NDArray[np.int64]
     drift: FloatArray
+    slope: FloatArray
+    tolerance: float
+    longest: float
 
 
 def _solid(model: mujoco.MjModel, bodies: list[int]) -> Solid:
@@ -197,7 +205,8 @@ def carrier(model: mujoco.MjModel, data: mujoco.MjData) -> Carrier:
     return Carrier(
         data.cinert, data.cdof_dot, data.xquat, np.zeros(model.nq), np.zeros(nv), np.zeros(nv),
         np.zeros(nv), np.zeros((6, nv)), np.zeros((6, nv)), np.zeros((6, 6)),
-        np.array([0, 1], dtype=np.int64), np.zeros((2, 7)),
+        np.array([0, 1], dtype=np.int64), np.zeros(7), np.zeros(6),
+        TOLERANCE, LONGEST,
     )  # fmt: skip
 
 
@@ -375,6 +384,33 @@ def head_rate(
 
 
 @compiled
+def next_length(carrier: Carrier, drift: FloatArray, length: float) -> float:
+    """Length [s] of the large step after one of this ``length`` with this drift of the head.
+
+    What the drift differs from its extrapolation is an error of the step, in velocity it grows
+    with the third power of the length.
+    """
+    before = carrier.drift[6]
+    apart = 0.5 * (before + length)
+    turn, speed = 0.0, 0.0
+    for k in range(6):
+        off = drift[k] - carrier.drift[k] - apart * carrier.slope[k]
+        if k < 3:
+            turn += off * off
+        else:
+            speed += off * off
+        if before > 0.0:
+            carrier.slope[k] = (drift[k] - carrier.drift[k]) / apart
+        carrier.drift[k] = drift[k]
+    carrier.drift[6] = length
+    if before == 0.0:
+        return SHORTEST
+    error = length * (speed + ARM * ARM * turn) ** 0.5
+    ratio = (carrier.tolerance / max(error, 1e-12)) ** (1.0 / 3.0)
+    return min(carrier.longest, max(SHORTEST, length * min(GROWTH, ratio)))
+
+
+@compiled
 def advance_several(
     engine: Engine,
     motion: Motion,
@@ -432,6 +468,7 @@ def advance_several(
         start_v[:] = qvel
         renew(engine, motion, slow_loads, forces, carried, carrier, length)
         head_rate(motion, carried, carrier, slow, twist, drift, turning)
+        following = next_length(carrier, drift, length)
         o = (motion.origin[0], motion.origin[1], motion.origin[2])
         # The head's pose at the start of the step, back from the middle; its velocity half a fine
         # step before.
@@ -454,8 +491,6 @@ def advance_several(
             scaled(turned(middle_r, (back[3], back[4], back[5])), way),
         )
         head_v = turned(middle_r, (twist[3], twist[4], twist[5]))
-        put(carrier.drift[0], 0, head_v)
-        put(carrier.drift[0], 3, (twist[0], twist[1], twist[2]))
         held = row(slow_loads.wrenches, chest)
         w = slow_loads.wrenches[chest]
         held_moment = sub((w[3], w[4], w[5]), cross(sub(head_p, o), held))
@@ -576,7 +611,7 @@ def advance_several(
             put(wrench, 3, turned_back(head_r, on_head))
             bad = 0.0
             for k in range(6):
-                value = drift[k]
+                value = drift[k] + (time - way) * carrier.slope[k]
                 for i in range(6):
                     value += apparent[k, i] * wrench[i]
                 rate[k] = value
@@ -690,12 +725,11 @@ def advance_several(
                 qvel, spring_v,
                 sub(turned_back(helmet_r, sub(shell_v, frame_v)), cross(spin_h, middle)),
             )  # fmt: skip
-        put(carrier.drift[1], 0, head_v)
-        put(carrier.drift[1], 3, head_spin)
         for j in range(len(latest)):
             value = slow[j]
             for k in range(6):
                 value += carrier.response[k, j] * wrench[k]
             latest[j] = value
         carrier.steps[0] = done + count
+        carrier.steps[1] = max(1, int(following / step + 1e-9))
     return -(-carrier.steps[0] // clock.substeps)
