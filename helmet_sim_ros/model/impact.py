@@ -95,7 +95,8 @@ class Impact:
         largest = np.zeros(count) if crush is None else np.array(crush, dtype=float)
         if largest.shape != (count,):
             raise PulseError(f"crush: shape {largest.shape}, expected ({count},)")
-        self._motion = motion_of(data)
+        self._several = setup.rates == "several"
+        self._motion = motion_of(data, 0.5 * parts.model.opt.timestep if self._several else 0.0)
         self._loads = no_loads(parts.model, data.qfrc_applied)
         liner = crushing_liner(columns, helmet, layout.helmet, shapes, largest)
         spring = helmet.coupling == "spring"
@@ -122,7 +123,6 @@ class Impact:
         widths = (parts.model.nq, parts.model.nv, parts.model.nsensordata, 6, 3, (2, COLUMNS), 3)
         self._rows = Rows(*(np.zeros((self.total, *np.atleast_1d(w))) for w in widths))
         self._done = self._computed = 0
-        self._several = setup.rates == "several"
         if self._several:
             chain = chain_of(parts.chains, layout.head)
             self._carried = carried(parts.model, layout, chain)

@@ -139,6 +139,8 @@ class Carrier(NamedTuple):
         steps: state: fine steps done, and of the next large step; (2,).
         drift: state: of the head in the large step before (6), and that step's length [s]; (7,).
         slope: state: rate of change of the drift, (6,).
+        rates: state: accelerations of the fine step before: of the head (6, head axes), of the
+            helmet's middle and the shell (3 each, world axes), of the helmet's turning (3); (15,).
         tolerance: see ``TOLERANCE``; ``longest``: large step [s].
     """
 
@@ -155,6 +157,7 @@ class Carrier(NamedTuple):
     steps: NDArray[np.int64]
     drift: FloatArray
     slope: FloatArray
+    rates: FloatArray
     tolerance: float
     longest: float
 
@@ -205,7 +208,7 @@ def carrier(model: mujoco.MjModel, data: mujoco.MjData) -> Carrier:
     return Carrier(
         data.cinert, data.cdof_dot, data.xquat, np.zeros(model.nq), np.zeros(nv), np.zeros(nv),
         np.zeros(nv), np.zeros((6, nv)), np.zeros((6, nv)), np.zeros((6, 6)),
-        np.array([0, 1], dtype=np.int64), np.zeros(7), np.zeros(6),
+        np.array([0, 1], dtype=np.int64), np.zeros(7), np.zeros(6), np.zeros(15),
         TOLERANCE, LONGEST,
     )  # fmt: skip
 
@@ -472,7 +475,7 @@ def advance_several(
         o = (motion.origin[0], motion.origin[1], motion.origin[2])
         # The head's pose at the start of the step, back from the middle; its velocity half a fine
         # step before.
-        way = 0.5 * (length - step)
+        way, late = 0.5 * (length - step), 0.5 * step
         back = np.zeros(6)
         for n in range(len(carried.chain)):
             j = carried.chain[n]
@@ -534,23 +537,30 @@ def advance_several(
         for n in range(count):
             time = n * step
             head_r, helmet_r = matrix_of(head_q), matrix_of(helmet_q)
-            head_speed = turned_back(head_r, head_v)
+            # Velocities of the present: half a step of the latest acceleration beyond the leapfrog's.
+            b = carrier.rates
+            spin_0 = add(head_spin, scaled((b[0], b[1], b[2]), late))
+            v_0 = add(head_v, scaled(turned(head_r, (b[3], b[4], b[5])), late))
+            v_inner = add(inner_v, scaled((b[6], b[7], b[8]), late))
+            v_shell = add(shell_v, scaled((b[9], b[10], b[11]), late))
+            spin_1 = add(spin_h, scaled((b[12], b[13], b[14]), late))
+            head_speed = turned_back(head_r, v_0)
             # What MuJoCo's arrays say of head and helmet, as at a single rate.
             helmet_p = sub(inner_x, turned(helmet_r, inner.center))
             arm = sub(helmet_p, head_p)
             shift = turned_back(head_r, arm)
-            world_spin = turned(helmet_r, spin_h)
-            frame_v = sub(inner_v, cross(world_spin, sub(inner_x, helmet_p)))
+            world_spin = turned(helmet_r, spin_1)
+            frame_v = sub(v_inner, cross(world_spin, sub(inner_x, helmet_p)))
             put(qpos, first, shift)
             a, b, c, d = times(conjugate(head_q), helmet_q)
             qpos[first + 3], qpos[first + 4], qpos[first + 5], qpos[first + 6] = a, b, c, d
             put(
                 qvel, first_v,
-                sub(sub(turned_back(head_r, frame_v), head_speed), cross(head_spin, shift)),
+                sub(sub(turned_back(head_r, frame_v), head_speed), cross(spin_0, shift)),
             )  # fmt: skip
             put(
                 qvel, first_v + 3,
-                sub(spin_h, turned_back(helmet_r, turned(head_r, head_spin))),
+                sub(spin_1, turned_back(helmet_r, turned(head_r, spin_0))),
             )  # fmt: skip
             shell_p, point_v = helmet_p, frame_v
             if not foam:
@@ -558,17 +568,17 @@ def advance_several(
                 put(qpos, spring, sub(middle, struck_shell.center))
                 put(
                     qvel, spring_v,
-                    sub(turned_back(helmet_r, sub(shell_v, frame_v)), cross(spin_h, middle)),
+                    sub(turned_back(helmet_r, sub(v_shell, frame_v)), cross(spin_1, middle)),
                 )  # fmt: skip
                 shell_p = sub(shell_x, turned(helmet_r, struck_shell.center))
-                point_v = sub(shell_v, cross(world_spin, sub(shell_x, shell_p)))
+                point_v = sub(v_shell, cross(world_spin, sub(shell_x, shell_p)))
             put(position_h, 0, shell_p)
             put(velocity_h, 0, world_spin)
             put(velocity_h, 3, add(point_v, cross(world_spin, sub(o, shell_p))))
             put(position_0, 0, head_p)
-            world = turned(head_r, head_spin)
+            world = turned(head_r, spin_0)
             put(velocity_0, 0, world)
-            put(velocity_0, 3, add(head_v, cross(world, sub(o, head_p))))
+            put(velocity_0, 3, add(v_0, cross(world, sub(o, head_p))))
             for k in range(9):
                 rotation_h[k] = helmet_r[k]
                 rotation_0[k] = head_r[k]
@@ -598,8 +608,8 @@ def advance_several(
                 on_inner = sub(on_inner, pulled)
                 about = add(about, sub(moment, cross(sub(shell_x, o), force)))
                 about = sub(about, cross(sub(shell_x, inner_x), pulled))
-                shell_v = add(shell_v, scaled(
-                    add(scaled(add(force, pulled), 1.0 / struck_shell.mass), gravity), step
+                put(carrier.rates, 9, add(
+                    scaled(add(force, pulled), 1.0 / struck_shell.mass), gravity
                 ))  # fmt: skip
             # On the head, head axes, about its origin; the joints' forces act back on it.
             p = pushed[chest]
@@ -626,14 +636,14 @@ def advance_several(
                 sensors[g], sensors[g + 1], sensors[g + 2], sensors[g + 3] = head_q
                 g = gauges.helmet_orientation
                 sensors[g], sensors[g + 1], sensors[g + 2], sensors[g + 3] = helmet_q
-                put(sensors, gauges.head_velocity, head_v)
+                put(sensors, gauges.head_velocity, v_0)
                 put(sensors, gauges.head_angular_velocity, world)
                 put(sensors, gauges.head_specific_force, turned(head_r, felt))
                 put(sensors, gauges.head_angular_acceleration, turned(head_r, alpha))
                 if gauges.neck_force >= 0:
                     middle = skull.center
                     at_center = add(felt, add(
-                        cross(alpha, middle), cross(head_spin, cross(head_spin, middle))
+                        cross(alpha, middle), cross(spin_0, cross(spin_0, middle))
                     ))  # fmt: skip
                     others = add(turned_back(head_r, held), (wrench[3], wrench[4], wrench[5]))
                     other_moment = add(
@@ -642,7 +652,7 @@ def advance_several(
                     neck = sub(scaled(at_center, skull.mass), others)
                     bending = add(
                         turned(skull.inertia, alpha),
-                        cross(head_spin, turned(skull.inertia, head_spin)),
+                        cross(spin_0, turned(skull.inertia, spin_0)),
                     )
                     bending = sub(bending, sub(other_moment, cross(middle, others)))
                     put(sensors, gauges.neck_force, neck)
@@ -650,7 +660,9 @@ def advance_several(
                         sensors, gauges.neck_torque,
                         add(bending, cross(sub(middle, gauges.neck_site), neck)),
                     )  # fmt: skip
-                joint_velocity(carrier, slow, time, impulse, mean)
+                for k in range(6):
+                    average[k] = impulse[k] + late * wrench[k]
+                joint_velocity(carrier, slow, time + late, average, mean)
                 rows.qpos[i] = qpos
                 rows.qvel[i] = mean
                 for j in range(first_v, first_v + 6):
@@ -670,15 +682,17 @@ def advance_several(
                 return int(np.ceil((done + n) / clock.substeps))
 
             # Leapfrog: velocities, then positions by the new ones.
-            inner_v = add(inner_v, scaled(
-                add(scaled(on_inner, 1.0 / inner.mass), gravity), step
+            spun = turned(inner.inertia, spin_1)
+            put(carrier.rates, 0, (rate[0], rate[1], rate[2]))
+            put(carrier.rates, 3, (rate[3], rate[4], rate[5]))
+            put(carrier.rates, 6, add(scaled(on_inner, 1.0 / inner.mass), gravity))
+            put(carrier.rates, 12, turned(
+                inner.inverse, sub(turned_back(helmet_r, about), cross(spin_1, spun))
             ))  # fmt: skip
-            spun = turned(inner.inertia, spin_h)
-            spin_h = add(spin_h, scaled(
-                turned(inner.inverse, sub(turned_back(helmet_r, about), cross(spin_h, spun))), step
-            ))  # fmt: skip
-            if foam:
-                shell_v = inner_v
+            b = carrier.rates
+            inner_v = add(inner_v, scaled((b[6], b[7], b[8]), step))
+            shell_v = add(shell_v, scaled((b[9], b[10], b[11]), step))
+            spin_h = add(spin_h, scaled((b[12], b[13], b[14]), step))
             time += step
             for k in range(6):
                 impulse[k] += step * wrench[k]

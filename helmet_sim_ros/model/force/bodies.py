@@ -35,6 +35,8 @@ class Motion(NamedTuple):
         origin: centre of mass of the tree, (3,) [m].
         center: mass centres of the bodies, (bodies, 3) [m].
         axes: ``cdof``: axes of motion of each degree of freedom at ``origin``, (nv, 6).
+        ahead: by how long velocities are ahead of those that led from the last positions to these
+            [s]; a path that is summed up from them is so much too long.
     """
 
     qpos: FloatArray
@@ -45,6 +47,7 @@ class Motion(NamedTuple):
     origin: FloatArray
     center: FloatArray
     axes: FloatArray
+    ahead: float
 
 
 class Rigid(NamedTuple):
@@ -96,11 +99,11 @@ class Chains(NamedTuple):
     parent: NDArray[np.int64]
 
 
-def motion_of(data: mujoco.MjData) -> Motion:
-    """Views of a simulation's arrays; the tree is that of body 1."""
+def motion_of(data: mujoco.MjData, ahead: float = 0.0) -> Motion:
+    """Views of a simulation's arrays; the tree is that of body 1. ``ahead``: see :class:`Motion`."""
     return Motion(
         data.qpos, data.qvel, data.xpos, data.xmat, data.cvel, data.subtree_com[1], data.xipos,
-        data.cdof,
+        data.cdof, ahead,
     )  # fmt: skip
 
 

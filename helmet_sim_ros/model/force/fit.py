@@ -318,7 +318,7 @@ def apply(fit: Fit, step: float, motion: Motion, loads: Loads) -> None:
         pressed = areas[i] * max(0.0, full + viscous)
         shear = shear_stiffness(padding, largest)
         rubbed = friction_force(
-            shear * areas[i], padding.relaxation, padding.friction * pressed,
+            shear * areas[i], padding.relaxation - motion.ahead, padding.friction * pressed,
             across(velocity, normal), normal, step, sticks[i],
         )  # fmt: skip
         here = add(scaled(normal, pressed), rubbed)
