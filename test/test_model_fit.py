@@ -45,7 +45,7 @@ def acting(
     quaternion = REST if turn is None else turn.as_quat()[[3, 0, 1, 2]]
     qpos = np.array([*shift, *quaternion])
     qvel = np.concatenate([np.zeros(3) if v is None else v for v in (speed, spin)])
-    motion = Motion(qpos, qvel, nothing, nothing, nothing, np.zeros(3), nothing, nothing)
+    motion = Motion(qpos, qvel, nothing, nothing, nothing, np.zeros(3), nothing, nothing, 0.0)
     loads = Loads(np.zeros(6), np.zeros((0, 6)), np.zeros(6), np.zeros(3), np.zeros((2, 9)))
     law.apply(fit, step, motion, loads)
     assert loads.generalised[:3] == pytest.approx(-loads.coupling[:3], abs=1e-12)

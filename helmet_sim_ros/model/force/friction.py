@@ -58,9 +58,10 @@ def friction_force(
         x *= scale
         y *= scale
         z *= scale
-        sx = x / stiffness - relaxation * slip[0]
-        sy = y / stiffness - relaxation * slip[1]
-        sz = z / stiffness - relaxation * slip[2]
+        over = 1.0 / stiffness
+        sx = x * over - relaxation * slip[0]
+        sy = y * over - relaxation * slip[1]
+        sz = z * over - relaxation * slip[2]
         length = (sx * sx + sy * sy + sz * sz) ** 0.5
         if length * stiffness > limit:
             shrink = limit / (length * stiffness)
