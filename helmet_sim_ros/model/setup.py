@@ -85,7 +85,7 @@ class ImpactSetup(Config):
         "s", 5e-5, ge=1e-6, le=1e-3,
     )  # fmt: skip
     rates: Rates = Field(
-        "several",
+        "single",
         description="several: the body at a large step, head and helmet at the integration step; "
         "single: all at the integration step, as a reference",
     )

@@ -205,8 +205,8 @@ def press(
     pressed = normal_force(stiffness, contact.damping[i], depth, -dot(velocity, normal))
     mu = contact.friction[i] if contact.friction[i] >= 0.0 else surface.friction[k]
     friction = friction_force(
-        TANGENTIAL_SHARE * stiffness, RELAXATION - motion.ahead, mu * pressed, across(velocity, normal), normal,
-        step, stick,
+        TANGENTIAL_SHARE * stiffness, RELAXATION - motion.ahead, mu * pressed,
+        across(velocity, normal), normal, step, stick,
     )  # fmt: skip
     force = add(scaled(normal, pressed), friction)
     push(motion, loads, body, point, force)
