@@ -132,7 +132,7 @@ setup(
         "lz4",
         "mcap>=1.2",
         "mujoco>=4,<5",
-        "numba>=0.61",
+        "numba>=0.62",
         "numpy>=1.26",
         "pydantic>=2.5",
         "pyyaml>=6",

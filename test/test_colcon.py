@@ -12,6 +12,8 @@ from pathlib import Path
 import pytest
 from domains import claim_domain
 
+from helmet_sim_ros.model.compiled import cache_folder
+
 ROOT = Path(__file__).resolve().parents[1]
 COLCON = Path(sys.executable).with_name("colcon")
 NODES = ("simulation", "scenario", "evaluator", "recorder")
@@ -32,6 +34,10 @@ def build(tmp_path_factory: pytest.TempPathFactory, *options: str) -> Path:
         [COLCON, "build", *options], cwd=workspace, env=environment, capture_output=True, text=True
     )
     assert run.returncode == 0, run.stdout + run.stderr
+    # The same sources compile to the same machine code, which the tests have already.
+    machine_code = workspace / "install" / "machine_code"
+    machine_code.mkdir()
+    (machine_code / "helmet_sim_ros").symlink_to(cache_folder().parent)
     return workspace / "install"
 
 
@@ -47,6 +53,7 @@ def sourced(install: Path, command: str, domain: int = 0) -> subprocess.Popen[st
         "PATH": f"{COLCON.parent}:{os.environ['PATH']}",
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
         "ROS_DOMAIN_ID": str(domain),
+        "NUMBA_CACHE_DIR": str(install / "machine_code"),
     }
     return subprocess.Popen(
         ["bash", "-c", f". '{install}/setup.bash' && exec {command}"],

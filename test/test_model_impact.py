@@ -13,7 +13,7 @@ from helmet_sim_ros.biomech.record import ImpactRecord, from_block, same_samples
 from helmet_sim_ros.errors import DivergedError
 from helmet_sim_ros.model.balance import balance
 from helmet_sim_ros.model.compiled import compiled
-from helmet_sim_ros.model.force import contact, fit, liner, neck, shell, spring, stops
+from helmet_sim_ros.model.force import shell
 from helmet_sim_ros.model.force.bodies import (
     FORCE,
     HELMET,
@@ -24,7 +24,7 @@ from helmet_sim_ros.model.force.bodies import (
     no_loads,
 )
 from helmet_sim_ros.model.impact import Impact, simulate
-from helmet_sim_ros.model.loop import Forces
+from helmet_sim_ros.model.loop import Forces, fast_forces, slow_forces
 from helmet_sim_ros.model.setup import ImpactSetup
 
 G = 9.80665  # m/s^2
@@ -122,7 +122,8 @@ def test_the_recorded_velocities_are_the_derivatives_of_the_poses() -> None:
 
 
 def test_the_recorded_coupling_loop_is_the_law() -> None:
-    impact = Impact(ImpactSetup(tangential_velocity=5.0, time_step=2e-5))
+    point = {"helmet.spring.bears": "point"}
+    impact = Impact(ImpactSetup(tangential_velocity=5.0, time_step=2e-5, overrides=point))
     assert impact._clock.substeps == 1  # its history is in the samples
     impact.advance(impact.total)
     config = impact.helmet.spring
@@ -130,7 +131,7 @@ def test_the_recorded_coupling_loop_is_the_law() -> None:
     slides = impact._rows.qpos[:, first : first + 3]
     virgin, force = spring.coupling_spring(config), np.zeros(3)
     for displacement, recorded in zip(slides, impact._rows.spring, strict=True):
-        spring.spring_force(virgin, displacement, force)
+        spring.spring_force(virgin, displacement, 0.0, force)
         assert recorded == pytest.approx(force, rel=1e-12)
     amount = np.linalg.norm(slides, axis=1)
     i = amount.argmax()
@@ -301,16 +302,15 @@ def test_the_loop_steps_like_mujoco(rig: str, form: str) -> None:
 def apply_all(forces: Forces, step: float, motion: Motion, loads: Loads) -> None:
     """Every force of the model in the present state."""
     clear(loads)
-    stops.apply(forces.stops, motion, loads)
-    neck.apply(forces.neck, motion, loads)
-    contact.apply(forces.contact, forces.surface, step, motion, loads)
-    fit.apply(forces.fit, step, motion, loads)
-    if shell.spreads(forces.shell, forces.surface):
-        shell.apply(forces.shell, forces.liner, forces.surface, step, motion, loads)
-    elif len(forces.liner.columns.area) > 0:
-        liner.apply(forces.liner, forces.surface, step, motion, loads)
-    else:
-        spring.apply(forces.spring, motion, loads)
+    slow_forces(
+        forces.stops, forces.neck, forces.contact, forces.surface, step, motion, loads
+    )
+    foam = len(forces.liner.columns.area) > 0
+    bends = shell.spreads(forces.shell, forces.surface)
+    fast_forces(
+        forces.fit, forces.struck, foam, bends, forces.shell, forces.liner, forces.spring,
+        forces.surface, step, motion, loads,
+    )  # fmt: skip
 
 
 def test_slices_give_the_same_samples_as_one_run() -> None:

@@ -21,7 +21,7 @@ def forces(path: np.ndarray, config: Spring) -> np.ndarray:
     """Force on the shell [N] along a displacement history (n, 3) [m]."""
     virgin, out = law.coupling_spring(config), np.zeros_like(path)
     for row, force in zip(path, out, strict=True):
-        law.spring_force(virgin, row, force)
+        law.spring_force(virgin, row, 0.0, force)
     return out
 
 
@@ -127,10 +127,64 @@ def test_recoverable_energy_is_the_area_that_unloading_returns() -> None:
     path = along(0, -np.concatenate([d, d[::-1]]))
     config = spring(0.7)
     force = forces(path, config)[:, 0]
-    stored = law.recoverable_energy(path, config)
+    virgin, out = law.coupling_spring(config), np.zeros(3)
+    stored = []
+    for row in path:
+        law.spring_force(virgin, row, 0.0, out)
+        stored.append(law.recoverable_energy(virgin, row))
     assert stored[3000] == pytest.approx(trapezoid(force[3001:][::-1], d), rel=1e-4)
     assert stored[-1] == pytest.approx(0.0, abs=1e-9)
     assert stored[3000] == pytest.approx(0.3 * trapezoid(force[:3001], d), rel=1e-4)
+
+
+def held(compression: float, rolls: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Force over that of the law, and unevenness of the halves, at a held compression."""
+    virgin, force = law.coupling_spring(spring(0.95)), np.zeros(3)
+    displacement = np.array([0.0, 0.0, -compression])
+    law.spring_force(virgin, displacement, 0.0, force)
+    whole, out = force[2], []
+    for rolled in rolls:
+        uneven = law.spring_force(virgin, displacement, rolled, force)
+        out.append((force[2] / whole, uneven))
+    return np.array(out).T
+
+
+def test_a_held_shell_that_rolls_far_is_borne_by_its_leading_half_alone() -> None:
+    share, uneven = held(0.02, np.full(200, 1e-4))
+    assert np.all(np.diff(share) <= 0.0) and share[0] < 1.0
+    assert share[-1] == pytest.approx(0.5, abs=0.01)
+    assert uneven[-1] == pytest.approx(1.0, abs=0.02)
+
+
+def test_what_comes_down_faster_than_roll_raises_it_bears_as_if_it_did_not_roll() -> None:
+    virgin, force = law.coupling_spring(spring()), np.zeros(3)
+    for d in np.linspace(2e-4, 0.02, 100):  # 0.2 mm each
+        uneven = law.spring_force(virgin, np.array([0.0, 0.0, -d]), 1.5e-4, force)
+        assert uneven == 0.0 and force[2] == pytest.approx(16485.0 * np.expm1(15.0 * d))
+
+
+def test_the_patch_of_a_sphere_has_the_radius_of_its_cap() -> None:
+    ball = law.coupling_spring(spring(), (0.14, 0.14, 0.14))
+    expected = 4.0 / (3.0 * np.pi) * np.sqrt(2.0 * 0.14 * 0.02)
+    assert law.lever(ball, (0.6, 0.0, 0.8), 0.02) == pytest.approx(expected, rel=1e-12)
+
+
+def test_the_local_radius_of_an_ellipsoid_is_that_of_its_gaussian_curvature() -> None:
+    a, b, c = 0.15, 0.13, 0.14
+    shell = law.coupling_spring(spring(), (a, b, c))
+    # On the axis x the principal radii are b^2 / a and c^2 / a.
+    expected = law.CENTROID * np.sqrt(2.0 * (b * c / a) * 0.02)
+    assert law.lever(shell, (1.0, 0.0, 0.0), 0.02) == pytest.approx(expected, rel=1e-12)
+
+
+@given(loss=st.floats(0.0, 0.98), x=st.floats(1e-4, 40.0))
+@settings(max_examples=200, deadline=None)
+def test_the_unloading_exponent_gives_the_share_that_it_was_asked_for(
+    loss: float, x: float
+) -> None:
+    u = law.unloading_exponent(x / 0.03, 0.03, loss) * 0.03
+    asked = (1.0 - loss) * law.exponential_share(x)
+    assert law.exponential_share(u) == pytest.approx(asked, rel=1e-9)
 
 
 def test_the_share_is_continuous_where_its_series_takes_over() -> None:

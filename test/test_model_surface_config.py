@@ -208,6 +208,6 @@ def test_the_thinnest_shape_limits_the_depth() -> None:
     assert load_surface("ground").half_thickness == np.inf
     assert load_surface("edge_anvil").half_thickness == 0.003
     wedge = load_surface("kerbstone")
-    inside = np.linspace(-0.059, 0.0, 2000)
+    inside = np.linspace(-0.099, 0.0, 4000)
     deepest = -min(signed_distance(wedge.compiled(), 0, 0.0, 0.0, z)[0] for z in inside)
     assert wedge.half_thickness == pytest.approx(deepest, abs=2e-5)

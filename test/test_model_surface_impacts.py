@@ -7,6 +7,7 @@ import pytest
 
 from helmet_sim_ros import ImpactSetup, simulate
 from helmet_sim_ros.biomech.record import ImpactRecord
+from helmet_sim_ros.errors import SetupError
 from helmet_sim_ros.model.balance import balance
 from helmet_sim_ros.model.impact import Impact
 from helmet_sim_ros.model.surface.config import load_surface
@@ -77,3 +78,28 @@ def test_a_helmet_starts_touching_and_goes_the_way_of_the_target(surface: str) -
     assert frame.T @ record.head_velocity[0] == pytest.approx([0.0, 0.0, -5.0], abs=1e-9)
     assert np.linalg.norm(record.ground_force[0]) < 1.0
     assert np.linalg.norm(record.ground_force[5]) > 100.0
+
+
+@pytest.mark.parametrize(
+    ("surface", "told"), [("hemisphere", True), ("kerbstone", True), ("edge_anvil", True),
+                          ("post", True), ("ground", False), ("flat_anvil", False),
+                          ("incline_45", False), ("bar_anvil_45", False)],
+)  # fmt: skip
+def test_a_spring_tells_that_it_stands_for_flat_ground(surface: str, told: bool) -> None:
+    said = [
+        any("stands for flat ground" in note for note in Impact(ImpactSetup(
+            rig="headform", surface=surface, overrides={"helmet.coupling": form})).notes)
+        for form in ("spring", "foam")
+    ]  # fmt: skip
+    assert said == [told, False]
+
+
+def test_columns_without_a_shell_that_would_pass_a_thin_plate_are_refused() -> None:
+    """They came out on its other side: 25 g."""
+    bare = {"helmet.coupling": "foam", "helmet.shell.material.thickness": 0.0}
+    with pytest.raises(SetupError, match=r"impact.surface = 'edge_anvil': is only 6 mm thick"):
+        ImpactSetup(surface="edge_anvil", overrides=bare)
+    for surface in set(SHIPPED) - {"edge_anvil"}:
+        ImpactSetup(surface=surface, overrides=bare)
+    told = Impact(ImpactSetup(rig="headform", surface="hemisphere", overrides=bare)).notes
+    assert any("lets each column alone" in note for note in told)

@@ -27,6 +27,7 @@ from helmet_sim_ros.mcap_log.decode import Decoder
 from helmet_sim_ros.mcap_log.source import McapSource
 from helmet_sim_ros.model.arrows import LENGTH_PER_FORCE, force_arrows, point_of_attack
 from helmet_sim_ros.nodes.scene_markers import SceneMarkers
+from helmet_sim_ros.report.replay import gl
 from helmet_sim_ros.report.replay.gl import BACKENDS, GraphicsError, backend_works, choose_backend
 from helmet_sim_ros.report.replay.scene import scene_of
 
@@ -134,7 +135,7 @@ def test_a_video_can_be_given_its_name(backend, path, tmp_path):
 
 
 def test_one_video_is_not_the_name_of_several(path, tmp_path, monkeypatch):
-    monkeypatch.setattr("helmet_sim_ros.report.replay.gl.choose_backend", lambda: "any")
+    monkeypatch.setattr(gl, "choose_backend", lambda: "any")
     two = tmp_path / "two.mcap"
     write_log(two, [SETUP, SETUP])
     for arguments, words in (

@@ -8,12 +8,11 @@ import mujoco
 import numpy as np
 
 from helmet_sim_ros.biomech.record import FloatArray
-from helmet_sim_ros.model.force import fit
-from helmet_sim_ros.model.force.bodies import motion_of, no_loads
+from helmet_sim_ros.model.force import fit, spring
+from helmet_sim_ros.model.force.bodies import FORCE, FRICTION, HELMET, motion_of, no_loads
 from helmet_sim_ros.model.force.contact import elastic_energy
 from helmet_sim_ros.model.force.friction import TANGENTIAL_SHARE
 from helmet_sim_ros.model.force.neck import stored_energy
-from helmet_sim_ros.model.force.spring import recoverable_energy
 from helmet_sim_ros.model.impact import Impact
 
 
@@ -71,7 +70,8 @@ def balance(impact: Impact) -> Balance:
     contact, held = np.zeros(n), np.zeros(n)
     mass = float(model.body_subtreemass[1])
     motion, touching = motion_of(data), impact.contact.fresh(len(impact.surface.kind))
-    fitted, loads = impact.fresh_fit(), no_loads(model)
+    fitted, sprung, loads = impact.fresh_fit(), impact.fresh_spring(), no_loads(model)
+    slide, stored, has_spring = impact.layout.slide, np.zeros(n), impact.helmet.coupling == "spring"
     for i, (position, velocity) in enumerate(impact.states()):
         data.qpos[:], data.qvel[:] = position, velocity
         mujoco.mj_fwdPosition(model, data)
@@ -84,16 +84,16 @@ def balance(impact: Impact) -> Balance:
         contact[i] = elastic_energy(touching, impact.surface, motion)
         fit.apply(fitted, record.time_step, motion, loads)  # carries the padding's state on
         held[i] = fit.held_energy(fitted, position)
+        if has_spring:
+            loads.surface[HELMET, FORCE : FORCE + 3] = record.ground_force[i]
+            loads.surface[HELMET, FRICTION : FRICTION + 3] = record.ground_friction[i]
+            spring.apply(sprung, record.time_step, motion, loads)
+            stored[i] = spring.recoverable_energy(sprung, position[slide : slide + 3])
     potential += stored_energy(impact.neck, np.array([q for q, _ in impact.states()]))
     force = record.ground_force + record.body_ground_force + mass * model.opt.gravity
     steps = 0.5 * (force[1:] + force[:-1]) * record.time_step
     impulse = np.vstack([np.zeros(3), np.cumsum(steps, axis=0)])
-    helmet, slide = impact.helmet, impact.layout.slide
-    stored = np.zeros(n)
-    if helmet.coupling == "spring":
-        stored = recoverable_energy(
-            np.array([q[slide : slide + 3] for q, _ in impact.states()]), helmet.spring
-        )
+    if has_spring:
         friction = np.linalg.norm(record.ground_friction, axis=1)
-        contact += 0.5 * friction**2 / (TANGENTIAL_SHARE * helmet.shell.contact_stiffness)
+        contact += 0.5 * friction**2 / (TANGENTIAL_SHARE * impact.helmet.shell.contact_stiffness)
     return Balance(momentum, impulse, kinetic, potential, stored, held, contact)

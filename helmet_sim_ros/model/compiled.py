@@ -3,6 +3,7 @@
 Numba keys a cached function by the file that holds it, not by the files of the functions it calls:
 an edited constant would leave its callers' old machine code in use. Here the cache folder carries
 a digest of every source of this package's model, so edited sources never meet old machine code.
+The place and the dates of the sources do not count: copies of one version share what they compile.
 """
 
 from __future__ import annotations
@@ -40,13 +41,46 @@ def inlined(function: F) -> F:
 
 
 def _compiled(function: F, inline: Literal["never", "always"]) -> F:
-    before = config.CACHE_DIR
-    config.CACHE_DIR = str(cache_folder())
+    before = config.CACHE_LOCATOR_CLASSES
+    config.CACHE_LOCATOR_CLASSES = f"{__name__}.{ByContent.__name__}"
     try:
         decorate: Any = numba.njit(cache=True, nogil=True, inline=inline)
         return decorate(function)  # type: ignore[no-any-return]
     finally:
-        config.CACHE_DIR = before
+        config.CACHE_LOCATOR_CLASSES = before
+
+
+class ByContent:
+    """Where numba keeps a function's machine code: a subfolder of :func:`cache_folder` per module.
+
+    The methods are those that numba asks a locator for (``NUMBA_CACHE_LOCATOR_CLASSES``).
+    """
+
+    def __init__(self, function: Callable[..., object], source: str) -> None:
+        """Of a function in a source file."""
+        self._line, self._py_file = function.__code__.co_firstlineno, source  # numba warns of it
+        self._module = Path(source).resolve().relative_to(SOURCES).with_suffix("")
+
+    @classmethod
+    def from_function(cls, function: Callable[..., object], source: str) -> ByContent:
+        """The locator of a function in a source file below ``SOURCES``."""
+        return cls(function, source)
+
+    def ensure_cache_path(self) -> None:
+        """Make the folder."""
+        Path(self.get_cache_path()).mkdir(parents=True, exist_ok=True)
+
+    def get_cache_path(self) -> str:
+        """The folder of the function's machine code."""
+        return str(cache_folder() / self._module)
+
+    def get_source_stamp(self) -> str:
+        """What a change of the source would change: the folder says it already."""
+        return ""
+
+    def get_disambiguator(self) -> str:
+        """Tells functions of one name apart."""
+        return str(self._line)
 
 
 def source_digest(folder: Path = SOURCES) -> str:

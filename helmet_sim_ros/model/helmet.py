@@ -104,6 +104,11 @@ class Spring(Config):
     energy_loss: float = quantity(
         "share of the loading energy that unloading does not give back", "-", ge=0.0, le=0.98
     )
+    bears: Literal["patch", "point"] = Field(
+        "patch",
+        description="where the spring bears: over the patch of the crushed shell, so that rolling "
+        "leaves crushed liner behind, or at a point",
+    )
     identified: bool = Field(
         False,
         description="whether the laws were identified from drop tests of this helmet's liner: a "

@@ -61,7 +61,8 @@ def exponential_through(
 @lru_cache(maxsize=64)
 def identified(helmet: Helmet) -> Spring:
     """The spring of a helmet's liner. Costs some milliseconds, once per helmet and process."""
-    laws, losses = {}, []
+    laws: dict[str, SpringLaw] = {}
+    losses = []
     for side, axis in SIDES.items():
         compression, force, loss = _peaks(helmet, side, np.array(axis))
         compression = compression - force / helmet.shell.contact_stiffness
@@ -70,7 +71,14 @@ def identified(helmet: Helmet) -> Spring:
         losses.append(loss)
     # What pulls the shell off the liner no drop test shows: taken as the top.
     return Spring(
-        **laws, strap=laws["top"], energy_loss=min(float(np.mean(losses)), 0.98), identified=True
+        front=laws["front"],
+        back=laws["back"],
+        side=laws["side"],
+        top=laws["top"],
+        strap=laws["top"],
+        energy_loss=min(float(np.mean(losses)), 0.98),
+        bears=helmet.spring.bears,
+        identified=True,
     )
 
 

@@ -32,7 +32,7 @@ from helmet_sim_ros.model.force.fit import Fit, fit
 from helmet_sim_ros.model.force.foam import residual_strains
 from helmet_sim_ros.model.force.liner import crushing_liner
 from helmet_sim_ros.model.force.shell import plate
-from helmet_sim_ros.model.force.spring import coupling_spring
+from helmet_sim_ros.model.force.spring import CouplingSpring, coupling_spring
 from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.layout import Layout
 from helmet_sim_ros.model.loop import Clock, Engine, Forces, Rows, advance
@@ -103,7 +103,7 @@ class Impact:
         shell, body = world.contact.parts(1 if spring else 0)
         self._forces = Forces(
             world.surface,
-            coupling_spring(helmet.spring, layout.slide, layout.slide_velocity),
+            self.fresh_spring(),
             parts.stops,
             parts.neck.fresh(),
             body,
@@ -167,6 +167,14 @@ class Impact:
     def layout(self) -> Layout:
         """Where named quantities stand in the model's vectors."""
         return self._layout
+
+    def fresh_spring(self) -> CouplingSpring:
+        """The coupling spring before the first touch."""
+        layout, helmet = self._layout, self.helmet
+        return coupling_spring(
+            helmet.spring, helmet.shell.semi_axes, layout.slide, layout.slide_velocity,
+            layout.helmet,
+        )  # fmt: skip
 
     def fresh_fit(self) -> Fit:
         """How the head sits in the helmet at the first touch."""

@@ -196,7 +196,7 @@ def fast_forces(
             liner.apply(crushing, struck, step, motion, loads)
     else:
         contact.apply(outside, struck, step, motion, loads)
-        spring.apply(sprung, motion, loads)
+        spring.apply(sprung, step, motion, loads)
 
 
 @compiled

@@ -67,7 +67,7 @@ _solve_m: Any = types.ExternalFunction(
 
 SHORTEST, LONGEST = 5e-5, 4e-4  # s, bounds of the large step
 #: Error of the head's speed that a large step may have [m/s], of its turning at this arm [m].
-TOLERANCE, ARM = 3e-4, 0.1
+TOLERANCE, ARM = 5e-4, 0.1
 GROWTH = 2.0  # from one large step to the next, at most
 
 

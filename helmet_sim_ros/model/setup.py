@@ -23,6 +23,8 @@ Direction = Literal["front", "back", "left", "right", "top"]
 
 #: Flexion of the neck that the rider reaches [deg] (facts: flexion 50 to 60 deg).
 MAX_NECK_FLEXION_DEG = 60.0
+#: Share of a liner's thickness that a blow crushes at most before it has bottomed out.
+CRUSHED = 0.9
 
 
 class ImpactSetup(Config):
@@ -120,8 +122,20 @@ class ImpactSetup(Config):
                     "place the head",
                 )  # fmt: skip
         # Refuse a bad file now, not when it runs.
-        _ = self.helmet_config, self.surface_config, self.head_surface
+        _ = self.head_surface
+        self._refuse_thin(self.helmet_config, self.surface_config)
         return self
+
+    def _refuse_thin(self, helmet: Helmet, surface: SurfaceConfig) -> None:
+        """Single columns know the nearest face only, and would pass a plate thinner than a liner;
+        a shell that bends lies on top of it."""
+        alone = helmet.coupling == "foam" and helmet.shell.material.bending_stiffness == 0.0
+        if alone and surface.half_thickness < CRUSHED * helmet.liner.thickness:
+            raise SetupError.of(
+                "impact.surface", self.surface,
+                f"is only {2e3 * surface.half_thickness:.3g} mm thick, and the columns of a liner "
+                "without a shell would pass; give helmet.shell.material.modulus and .thickness",
+            )  # fmt: skip
 
     def _refuse_two_heads(self) -> None:
         if self.rig == "rider":

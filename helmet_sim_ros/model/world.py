@@ -36,6 +36,8 @@ MAX_STEP = 5e-5  # s, largest integration step: peaks within 1 % (test_model_imp
 MIN_STEP = 2e-6  # s; a shell so light or stiff that it needs less may diverge, and says so
 STABLE_SHARE = 0.9
 BODY_MARGIN = 1.3  # energy the body feeds into the spring, over that of head and helmet
+PATCH = 0.05  # m, radius of the shell that a usual blow flattens: sqrt(2 R d)
+UNEVEN = 2e-3  # m, that a surface falls away within it without being told
 OF_THE_SURFACE = -1.0  # friction of the shell: whatever it strikes has its own
 POINT_INERTIA = 1e-9  # kg m^2, of a mass that only translates; MuJoCo takes no zero
 HELD = 1e4  # inertia of a head that a monorail does not let turn, over its own
@@ -104,7 +106,29 @@ def build(setup: ImpactSetup, helmet: Helmet) -> World:
     contact = parts.contact.fresh(len(surface.kind))
     data = mujoco.MjData(parts.model)
     notes = place(parts.model, data, contact, surface, setup, helmet)
+    notes += _not_flat(setup, helmet)
     return World(parts, data, surface, contact, steps, notes)
+
+
+def _not_flat(setup: ImpactSetup, helmet: Helmet) -> tuple[str, ...]:
+    """What a helmet does not know of a surface that is not flat."""
+    spring = helmet.coupling == "spring"
+    bends = helmet.shell.material.bending_stiffness > 0.0
+    if setup.surface_config.is_flat_ground or (bends and not spring):
+        return ()
+    gap = setup.surface_config.falls_away(PATCH)
+    if gap < UNEVEN:
+        return ()
+    falls = f"{setup.surface} falls {gap * 1e3:.0f} mm away {PATCH * 1e3:.0f} mm beside the target"
+    if spring:
+        return (
+            f"the coupling spring stands for flat ground, and {falls}: its peaks are those of a "
+            "flat blow; helmet.coupling = foam has the local crush",
+        )
+    return (
+        f"{falls}, and a liner without a shell lets each column alone: too soft a blow; "
+        "helmet.shell.material.modulus and .thickness let the shell spread it",
+    )
 
 
 @lru_cache(maxsize=8)

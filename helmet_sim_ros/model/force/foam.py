@@ -133,7 +133,7 @@ def _path(row: FloatArray) -> tuple[FloatArray, FloatArray]:
     strain = np.linspace(0.0, LINEAR_FROM * row[LIMIT], 400)
     if len(row) == CONSTANTS:
         strain = np.union1d(strain, [row[YIELD] / row[MODULUS]])
-    return strain, np.array([loading_stress(e, row) for e in strain])
+    return strain, loading_stresses(strain, row)
 
 
 def bottoming_strain(foam: FloatArray) -> float:
@@ -185,6 +185,15 @@ def loading_stress(strain: float, foam: FloatArray) -> float:
     if strain > edge:
         slope = foam[GAS] * foam[LIMIT] / (foam[LIMIT] - edge) ** 2
         stress += slope * (strain - edge)
+    return stress
+
+
+@compiled
+def loading_stresses(strain: FloatArray, foam: FloatArray) -> FloatArray:
+    """:func:`loading_stress` at each strain, (n,)."""
+    stress = np.empty(len(strain))
+    for i in range(len(strain)):
+        stress[i] = loading_stress(strain[i], foam)
     return stress
 
 

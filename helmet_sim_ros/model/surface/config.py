@@ -110,6 +110,17 @@ class SurfaceConfig(Config):
         """Depth [m] that the signed distance cannot exceed in the thinnest shape."""
         return min(part.half_thickness for part in self.shapes)
 
+    def falls_away(self, radius: float) -> float:
+        """Greatest distance [m] from the shapes of a ring about the target in its tangent plane, of
+        that radius [m]; 0 or less on a plane."""
+        from helmet_sim_ros.model.surface.shapes import signed_distance  # loads the compiler
+
+        point, axes = self.frame
+        turns = np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)
+        ring = point + radius * (axes[:, :2] @ [np.cos(turns), np.sin(turns)]).T
+        surface, shapes = self.compiled(), range(len(self.shapes))
+        return float(max(min(signed_distance(surface, k, *p)[0] for k in shapes) for p in ring))
+
     @property
     def is_flat_ground(self) -> bool:
         """Whether it is the plane z = 0 and nothing else."""

@@ -58,7 +58,7 @@ def outer_surface(mesh: Trimesh, path: str) -> Surface:
     Raises:
         SetupError: the origin is not inside.
     """
-    vertices, faces, source = subdivide_to_size(
+    vertices, faces, source = subdivide_to_size(  # type: ignore[no-untyped-call]
         mesh.vertices, mesh.faces, FINEST, max_iter=12, return_index=True
     )
     corners = vertices[faces]
@@ -140,7 +140,10 @@ def fitted_ellipsoid(surface: Surface) -> tuple[FloatArray, FloatArray]:
 
 
 def _means(
-    cell: NDArray[np.int64], area: FloatArray, values: FloatArray, weight: FloatArray
+    cell: NDArray[np.int64],
+    area: FloatArray,
+    values: FloatArray,
+    weight: NDArray[np.float64 | np.int_],
 ) -> FloatArray:
     sums = np.column_stack([np.bincount(cell, area * v, len(weight)) for v in values.T])
     return sums / np.where(weight > 0.0, weight, 1.0)[:, None]

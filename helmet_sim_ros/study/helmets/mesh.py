@@ -74,7 +74,7 @@ def read_part(path: Path, role: str, unit: str | None = None) -> Part:
             f"{role}.units", unit, f"{path} spans {size * UNITS[unit]:.4g} m in it, a helmet spans "
             f"{SIZE[0]:g} to {SIZE[1]:g} m{hint}",
         )  # fmt: skip
-    mesh.apply_scale(UNITS[unit])
+    mesh.apply_scale(UNITS[unit])  # type: ignore[no-untyped-call]
     return Part(path, mesh, unit, tuple(_findings(mesh, path, unit)))
 
 

@@ -221,8 +221,8 @@ def _isomme(folder: Path) -> tuple[FloatArray, FloatArray, tuple[int, ...]]:
             )
         if not np.isfinite(values).all():
             raise SetupError.of("file", str(path), "has values that are not finite")
-        parts.append(values * ACCELERATIONS[unit])
-        time = start + step * np.arange(len(values))
+        parts.append((values * ACCELERATIONS[unit]).astype(np.float64))
+        time = start + step * np.arange(len(values), dtype=np.float64)
     if len({len(part) for part in parts}) > 1:
         raise SetupError.of("file", str(folder), "has channels of different lengths")
     return time, np.linalg.norm(parts, axis=0), tuple(range(1, len(time) + 1))

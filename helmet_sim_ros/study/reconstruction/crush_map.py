@@ -82,7 +82,8 @@ def on_shell(cells: Columns, direction: FloatArray) -> FloatArray:
     """The points of the shell in directions from the head's centre, (n, 3) [m]."""
     distance = np.linalg.norm(cells.point, axis=1)
     nearest = cKDTree(cells.point / distance[:, None]).query(direction)[1]
-    return direction * distance[nearest][:, None]
+    points: FloatArray = direction * distance[nearest][:, None]
+    return points
 
 
 def interpolation(cells: Columns, place: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:

@@ -31,7 +31,7 @@ class Emulator:
             crush: at the places, (n, places) [m].
         """
         self._middle = points.mean(axis=0)
-        self._spread = np.linalg.cholesky(np.cov(points.T))
+        self._to_unit = np.linalg.inv(np.linalg.cholesky(np.cov(points.T))).T
         self.mean: FloatArray = crush.mean(axis=0)
         _, weight, axes = np.linalg.svd(crush - self.mean, full_matrices=False)
         share = np.cumsum(weight**2) / max(float((weight**2).sum()), 1e-30)
@@ -57,7 +57,8 @@ class Emulator:
         return crush
 
     def _scaled(self, points: FloatArray) -> FloatArray:
-        return np.asarray(solve_triangular(self._spread, (points - self._middle).T, lower=True).T)
+        scaled: FloatArray = (points - self._middle) @ self._to_unit
+        return scaled
 
     def knows(self, points: FloatArray) -> NDArray[np.bool_]:
         """Whether points lie among those that it has learnt from, (n,)."""

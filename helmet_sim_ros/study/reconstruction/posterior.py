@@ -290,7 +290,7 @@ def _settled(before: FloatArray, sample: FloatArray) -> bool:
 
 
 def _kept(points: FloatArray, crush: FloatArray) -> tuple[FloatArray, FloatArray]:
-    finite: NDArray[np.bool_] = np.isfinite(crush).all(axis=1)
+    finite: NDArray[np.bool_] = np.asarray(np.isfinite(crush).all(axis=1))
     if finite.mean() < 0.8:
         raise StudyError(f"{int((~finite).sum())} of {len(finite)} simulations diverged")
     return points[finite], crush[finite]
