@@ -180,7 +180,9 @@ def test_below_its_limit_a_patch_shears_like_padding_and_skin_in_series() -> Non
     for surface in (bare, skin):
         fit = one_patch(worn(skin=surface, relaxation=0.0))
         shift = -compression * normal_of(fit, np.zeros(3))
-        outside, normal = law.above_head(tuple(fit.point[0] + shift - fit.center), law.inverse_of(fit.axes))
+        outside, normal = law.above_head(
+            tuple(fit.point[0] + shift - fit.center), law.inverse_of(fit.axes)
+        )
         along = np.cross(normal, [0.0, 0.0, 1.0])
         along /= np.linalg.norm(along)
         force = acting(fit, shift, speed=slip / 1e-6 * along, step=1e-6)[:3]

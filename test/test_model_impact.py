@@ -3,6 +3,7 @@
 import math
 
 import mujoco
+import numba
 import numpy as np
 import pytest
 from scipy.integrate import cumulative_trapezoid
@@ -12,8 +13,7 @@ from helmet_sim_ros.biomech import hic
 from helmet_sim_ros.biomech.record import ImpactRecord, from_block, same_samples
 from helmet_sim_ros.errors import DivergedError
 from helmet_sim_ros.model.balance import balance
-from helmet_sim_ros.model.compiled import compiled
-from helmet_sim_ros.model.force import shell
+from helmet_sim_ros.model.force import shell, spring
 from helmet_sim_ros.model.force.bodies import (
     FORCE,
     HELMET,
@@ -298,13 +298,11 @@ def test_the_loop_steps_like_mujoco(rig: str, form: str) -> None:
         )
 
 
-@compiled
+@numba.njit
 def apply_all(forces: Forces, step: float, motion: Motion, loads: Loads) -> None:
     """Every force of the model in the present state."""
     clear(loads)
-    slow_forces(
-        forces.stops, forces.neck, forces.contact, forces.surface, step, motion, loads
-    )
+    slow_forces(forces.stops, forces.neck, forces.contact, forces.surface, step, motion, loads)
     foam = len(forces.liner.columns.area) > 0
     bends = shell.spreads(forces.shell, forces.surface)
     fast_forces(

@@ -504,7 +504,9 @@ def advance_several(
         qpos[:] = start_q
         qvel[:] = start_v
         head_r = matrix_of(head_q)
-        helmet_q = times(head_q, (qpos[first + 3], qpos[first + 4], qpos[first + 5], qpos[first + 6]))
+        helmet_q = times(
+            head_q, (qpos[first + 3], qpos[first + 4], qpos[first + 5], qpos[first + 6])
+        )
         helmet_r = matrix_of(helmet_q)
         shift = (qpos[first], qpos[first + 1], qpos[first + 2])
         helmet_p = add(head_p, turned(head_r, shift))
@@ -527,13 +529,12 @@ def advance_several(
             shell_x = add(helmet_p, turned(helmet_r, middle))
             sliding = (qvel[spring_v], qvel[spring_v + 1], qvel[spring_v + 2])
             shell_v = add(frame_v, turned(helmet_r, add(cross(spin_h, middle), sliding)))
-        since = done / clock.substeps
         kinetic = engine.energy[1] + 0.5 * inner.mass * dot(inner_v, inner_v)
         if not foam:
             kinetic += 0.5 * struck_shell.mass * dot(shell_v, shell_v)
         elapsed = done * step
         if not kinetic <= clock.energy + elapsed * (clock.power + elapsed * clock.growth):
-            return int(np.ceil(since))
+            return int(np.ceil(done / clock.substeps))
         impulse[:] = 0.0
         impulses[:] = 0.0
         gathered, moments = 0, 0.0
@@ -622,13 +623,11 @@ def advance_several(
                              add(cross(arm, fit), torque))  # fmt: skip
             put(wrench, 0, turned_back(head_r, about_head))
             put(wrench, 3, turned_back(head_r, on_head))
-            bad = 0.0
             for k in range(6):
                 value = drift[k] + (time - way) * carrier.slope[k]
                 for i in range(6):
                     value += apparent[k, i] * wrench[i]
                 rate[k] = value
-                bad += value
 
             if (done + n) % clock.substeps == 0:
                 i = (done + n) // clock.substeps
@@ -681,9 +680,6 @@ def advance_several(
                         rows.surface[i, k, j] = loads.surface[k, j] + slow_loads.surface[k, j]
                 if foam:
                     liner.crush(crushing, struck, motion, rows.crush[i])
-            if not abs(bad) < 1e12:  # also true for NaN
-                return int(np.ceil((done + n) / clock.substeps))
-
             # Leapfrog: velocities, then positions by the new ones.
             spun = turned(inner.inertia, spin_1)
             put(carrier.rates, 0, (rate[0], rate[1], rate[2]))
@@ -693,6 +689,8 @@ def advance_several(
                 inner.inverse, sub(turned_back(helmet_r, about), cross(spin_1, spun))
             ))  # fmt: skip
             b = carrier.rates
+            if not abs(b.sum()) < 1e12:  # also true for NaN
+                return int(np.ceil((done + n) / clock.substeps))
             inner_v = add(inner_v, scaled((b[6], b[7], b[8]), step))
             shell_v = add(shell_v, scaled((b[9], b[10], b[11]), step))
             spin_h = add(spin_h, scaled((b[12], b[13], b[14]), step))
