@@ -36,7 +36,8 @@ from helmet_sim_ros.model.force.spring import CouplingSpring, coupling_spring
 from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.layout import Layout
 from helmet_sim_ros.model.loop import Clock, Engine, Forces, Rows, advance
-from helmet_sim_ros.model.rates import advance_several, carried, carrier
+from helmet_sim_ros.model.rates.parts import carried, carrier
+from helmet_sim_ros.model.rates.several import advance_several
 from helmet_sim_ros.model.rider.neck import overload
 from helmet_sim_ros.model.setup import ImpactSetup
 from helmet_sim_ros.model.watch import most_energy, overloaded

@@ -100,7 +100,7 @@ class Chains(NamedTuple):
 
 
 def motion_of(data: mujoco.MjData, ahead: float = 0.0) -> Motion:
-    """Views of a simulation's arrays; the tree is that of body 1. ``ahead``: see :class:`Motion`."""
+    """Views of a simulation's arrays; the tree is that of body 1; ``ahead``: see ``Motion``."""
     return Motion(
         data.qpos, data.qvel, data.xpos, data.xmat, data.cvel, data.subtree_com[1], data.xipos,
         data.cdof, ahead,

@@ -91,7 +91,7 @@ class Contact(NamedTuple):
         """The first ``count`` ellipsoids and the others, with the same state."""
         arrays = self[1:]
         first, others = (
-            Contact(self.helmet, *(array[rows] for array in arrays))
+            Contact(self.helmet, *(array[rows] for array in arrays))  # type: ignore[arg-type]
             for rows in (slice(count), slice(count, None))
         )
         return first, others
