@@ -140,12 +140,12 @@ def carried(model: mujoco.MjModel, layout: Layout, chain: NDArray[np.int64]) -> 
     names = [name for name in Gauges._fields if name in layout.sensors]
     places = [layout.sensors[name][0] for name in names] + [-1] * (9 - len(names))
     site = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, "neck_load")
-    at = tuple(float(x) for x in model.site_pos[site]) if site >= 0 else (0.0, 0.0, 0.0)
+    sx, sy, sz = (float(x) for x in (model.site_pos[site] if site >= 0 else np.zeros(3)))
     x, y, z = (float(g) for g in model.opt.gravity)
     return Carried(
         layout.head, layout.helmet, np.array(parts, dtype=np.int64), chain, layout.fit,
         layout.fit_velocity, layout.slide, layout.slide_velocity,
-        _solid(model, [layout.head, rest]), inside, shell_only, Gauges(*places), at, (x, y, z),
+        _solid(model, [layout.head, rest]), inside, shell_only, Gauges(*places), (sx, sy, sz), (x, y, z),
     )  # fmt: skip
 
 
