@@ -47,7 +47,7 @@ class Motion(NamedTuple):
     origin: FloatArray
     center: FloatArray
     axes: FloatArray
-    ahead: float
+    ahead: float = 0.0
 
 
 class Rigid(NamedTuple):
