@@ -145,7 +145,8 @@ def carried(model: mujoco.MjModel, layout: Layout, chain: NDArray[np.int64]) -> 
     return Carried(
         layout.head, layout.helmet, np.array(parts, dtype=np.int64), chain, layout.fit,
         layout.fit_velocity, layout.slide, layout.slide_velocity,
-        _solid(model, [layout.head, rest]), inside, shell_only, Gauges(*places), (sx, sy, sz), (x, y, z),
+        _solid(model, [layout.head, rest]), inside, shell_only, Gauges(*places),
+        (sx, sy, sz), (x, y, z),
     )  # fmt: skip
 
 
