@@ -45,7 +45,7 @@ def acting(
     quaternion = REST if turn is None else turn.as_quat()[[3, 0, 1, 2]]
     qpos = np.array([*shift, *quaternion])
     qvel = np.concatenate([np.zeros(3) if v is None else v for v in (speed, spin)])
-    motion = Motion(qpos, qvel, nothing, nothing, nothing, np.zeros(3), nothing, nothing)
+    motion = Motion(qpos, qvel, nothing, nothing, nothing, np.zeros(3), nothing, nothing, 0.0)
     loads = Loads(np.zeros(6), np.zeros((0, 6)), np.zeros(6), np.zeros(3), np.zeros((2, 9)))
     law.apply(fit, step, motion, loads)
     assert loads.generalised[:3] == pytest.approx(-loads.coupling[:3], abs=1e-12)
@@ -53,7 +53,7 @@ def acting(
 
 
 def normal_of(fit: Fit, shift: np.ndarray) -> np.ndarray:
-    _, normal = law.above_head(tuple(fit.point[0] + shift - fit.center), fit.axes)
+    _, normal = law.above_head(tuple(fit.point[0] + shift - fit.center), law.inverse_of(fit.axes))
     return np.array(normal)
 
 
@@ -180,7 +180,9 @@ def test_below_its_limit_a_patch_shears_like_padding_and_skin_in_series() -> Non
     for surface in (bare, skin):
         fit = one_patch(worn(skin=surface, relaxation=0.0))
         shift = -compression * normal_of(fit, np.zeros(3))
-        outside, normal = law.above_head(tuple(fit.point[0] + shift - fit.center), fit.axes)
+        outside, normal = law.above_head(
+            tuple(fit.point[0] + shift - fit.center), law.inverse_of(fit.axes)
+        )
         along = np.cross(normal, [0.0, 0.0, 1.0])
         along /= np.linalg.norm(along)
         force = acting(fit, shift, speed=slip / 1e-6 * along, step=1e-6)[:3]

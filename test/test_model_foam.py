@@ -230,6 +230,7 @@ def moving(position: np.ndarray, turn: Rotation, spin: np.ndarray, speed: np.nda
     return Motion(
         none, none, position[None, :], turn.as_matrix().reshape(1, 9),
         np.concatenate([spin, speed])[None, :], np.zeros(3), position[None, :], np.zeros((0, 6)),
+        0.0,
     )  # fmt: skip
 
 

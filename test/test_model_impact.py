@@ -3,6 +3,7 @@
 import math
 
 import mujoco
+import numba
 import numpy as np
 import pytest
 from scipy.integrate import cumulative_trapezoid
@@ -12,17 +13,7 @@ from helmet_sim_ros.biomech import hic
 from helmet_sim_ros.biomech.record import ImpactRecord, from_block, same_samples
 from helmet_sim_ros.errors import DivergedError
 from helmet_sim_ros.model.balance import balance
-from helmet_sim_ros.model.compiled import compiled
-from helmet_sim_ros.model.force import (
-    contact,
-    fit,
-    liner,
-    neck,
-    self_contact,
-    shell,
-    spring,
-    stops,
-)
+from helmet_sim_ros.model.force import shell, spring
 from helmet_sim_ros.model.force.bodies import (
     FORCE,
     HELMET,
@@ -33,7 +24,7 @@ from helmet_sim_ros.model.force.bodies import (
     no_loads,
 )
 from helmet_sim_ros.model.impact import Impact, simulate
-from helmet_sim_ros.model.loop import Forces
+from helmet_sim_ros.model.loop import Forces, fast_forces, slow_forces
 from helmet_sim_ros.model.setup import ImpactSetup
 
 G = 9.80665  # m/s^2
@@ -307,21 +298,19 @@ def test_the_loop_steps_like_mujoco(rig: str, form: str) -> None:
         )
 
 
-@compiled
+@numba.njit
 def apply_all(forces: Forces, step: float, motion: Motion, loads: Loads) -> None:
     """Every force of the model in the present state."""
     clear(loads)
-    stops.apply(forces.stops, step, motion, loads)
-    neck.apply(forces.neck, motion, loads)
-    contact.apply(forces.contact, forces.surface, step, motion, loads)
-    fit.apply(forces.fit, step, motion, loads)
-    self_contact.apply(forces.own, step, motion, loads)
-    if shell.spreads(forces.shell, forces.surface):
-        shell.apply(forces.shell, forces.liner, forces.surface, step, motion, loads)
-    elif len(forces.liner.columns.area) > 0:
-        liner.apply(forces.liner, forces.surface, step, motion, loads)
-    else:
-        spring.apply(forces.spring, step, motion, loads)
+    slow_forces(
+        forces.stops, forces.neck, forces.landing, forces.own, forces.surface, step, motion, loads
+    )
+    foam = len(forces.liner.columns.area) > 0
+    bends = shell.spreads(forces.shell, forces.surface)
+    fast_forces(
+        forces.fit, forces.outside, foam, bends, forces.shell, forces.liner, forces.spring,
+        forces.surface, step, motion, loads,
+    )  # fmt: skip
 
 
 def test_slices_give_the_same_samples_as_one_run() -> None:

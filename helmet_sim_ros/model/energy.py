@@ -8,7 +8,7 @@ from __future__ import annotations
 from helmet_sim_ros.model.compiled import compiled
 from helmet_sim_ros.model.force import contact, fit, neck, self_contact, spring, stops
 from helmet_sim_ros.model.force.bodies import Motion
-from helmet_sim_ros.model.loop import Engine, Forces, _energy_vel, _mujoco_function
+from helmet_sim_ros.model.loop import Engine, Forces, _mujoco_function, energy_vel
 
 _energy_pos = _mujoco_function("mj_energyPos")
 
@@ -17,7 +17,7 @@ _energy_pos = _mujoco_function("mj_energyPos")
 def mechanical_energy(engine: Engine, forces: Forces, motion: Motion) -> float:
     """[J], just after the forces were applied in this state."""
     _energy_pos(engine.model, engine.data)
-    _energy_vel(engine.model, engine.data)
+    energy_vel(engine.model, engine.data)
     qpos = motion.qpos
     energy: float = engine.energy[0] + engine.energy[1] + held_elastically(forces, motion)
     if forces.spring.slide >= 0:

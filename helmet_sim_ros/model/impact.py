@@ -26,6 +26,7 @@ from helmet_sim_ros.model.force.bodies import (
     FRICTION,
     HELMET,
     MOMENT,
+    chain_of,
     motion_of,
     no_loads,
 )
@@ -38,6 +39,8 @@ from helmet_sim_ros.model.force.spring import CouplingSpring, coupling_spring
 from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.layout import Layout
 from helmet_sim_ros.model.loop import Clock, Engine, Forces, Rows, advance
+from helmet_sim_ros.model.rates.parts import carried, carrier
+from helmet_sim_ros.model.rates.several import advance_several
 from helmet_sim_ros.model.rider.neck import overload
 from helmet_sim_ros.model.setup import ImpactSetup
 from helmet_sim_ros.model.state import read_state
@@ -115,15 +118,19 @@ class Impact:
         largest = np.zeros(count) if crush is None else np.array(crush, dtype=float)
         if largest.shape != (count,):
             raise PulseError(f"crush: shape {largest.shape}, expected ({count},)")
-        self._motion = motion_of(data)
+        self._several = isinstance(setup, ImpactSetup) and setup.rates == "several"
+        self._motion = motion_of(data, 0.5 * parts.model.opt.timestep if self._several else 0.0)
         self._loads = no_loads(parts.model, data.qfrc_applied)
         liner = crushing_liner(columns, helmet, layout.helmet, shapes, largest)
+        shell, body = world.contact.parts(1 if helmet.coupling == "spring" else 0)
         self._forces = Forces(
             world.surface,
             self.fresh_spring(),
             parts.stops.fresh(),
             parts.neck.fresh(),
             world.contact,
+            body,
+            shell,
             liner,
             plate(helmet, liner),
             self.fresh_fit(),
@@ -137,7 +144,8 @@ class Impact:
             self._forces.neck.yielded[0] = float(state.yielded[0])
         self._engine = Engine(
             parts.model._address, data._address, data.qacc_smooth, data.qacc, data.xfrc_applied,
-            data.sensordata, data.M, *parts.damped_diagonal, parts.chains, data.energy,
+            data.sensordata, data.M, parts.damped_diagonal[0], parts.model.opt.timestep,
+            parts.damped_diagonal[1], parts.chains, data.energy,
         )  # fmt: skip
         self._clock = Clock(
             parts.model.opt.timestep,
@@ -147,7 +155,12 @@ class Impact:
         widths = (parts.model.nq, parts.model.nv, parts.model.nsensordata, 6, 3, (2, COLUMNS), 3)
         self._rows = Rows(*(np.zeros((self.total, *np.atleast_1d(w))) for w in widths))
         self._time = np.arange(self.total, dtype=np.float64) * setup.time_step
-        self._done = 0
+        self._done = self._computed = 0
+        if self._several:
+            chain = chain_of(parts.chains, layout.head)
+            self._carried = carried(parts.model, layout, chain)
+            self._carrier = carrier(parts.model, data)
+            self._fine_loads = no_loads(parts.model)
 
     @property
     def done_samples(self) -> int:
@@ -164,13 +177,24 @@ class Impact:
             DivergedError: the state stopped being finite; earlier samples stay readable.
         """
         last = min(self._done + samples, self.total)
-        self._done = advance(
-            self._engine, self._motion, self._loads, self._forces, self._clock, self._rows,
-            self._done, last,
-        )  # fmt: skip
+        if self._computed < last:
+            self._computed = self._stepped(last)
+        self._done = min(self._computed, last)
         if self._done < last:
             raise DivergedError(self._done * self.setup.time_step, self.setup.described())
         return self._done
+
+    def _stepped(self, last: int) -> int:
+        """Step until sample ``last``; a large step may go beyond it."""
+        if self._several:
+            return advance_several(
+                self._engine, self._motion, self._loads, self._fine_loads, self._forces,
+                self._clock, self._carried, self._carrier, self._rows, last,
+            )  # fmt: skip
+        return advance(
+            self._engine, self._motion, self._loads, self._forces, self._clock, self._rows,
+            self._computed, last,
+        )  # fmt: skip
 
     @property
     def layout(self) -> Layout:

@@ -21,6 +21,7 @@ class Layout:
         joints: names of the body's joint coordinates, (m,): of a ball joint ``NAME.x``, ``.y``,
             ``.z``, the components of its rotation vector child against parent; ``qvel`` their
             places in qvel, of a ball joint those of its angular velocity in the child's axes.
+        sensors: where each sensor begins and how many numbers it has.
     """
 
     def __init__(self, model: mujoco.MjModel) -> None:
@@ -52,7 +53,7 @@ class Layout:
         self.joints = tuple(joints)
         self.qvel = np.array(qvel, dtype=int)
         self._qpos = np.array(qpos, dtype=int)
-        self._sensors = {
+        self.sensors = {
             model.sensor(i).name: (int(model.sensor_adr[i]), int(model.sensor_dim[i]))
             for i in range(model.nsensor)
         }
@@ -83,7 +84,7 @@ class Layout:
 
     def read(self, sensors: FloatArray, name: str) -> FloatArray:
         """One sensor's columns of sampled rows."""
-        start, size = self._sensors[name]
+        start, size = self.sensors[name]
         return sensors[:, start : start + size]
 
 

@@ -65,15 +65,15 @@ def _mujoco_function(name: str) -> Any:
     return types.ExternalFunction(name, types.void(types.intp, types.intp))
 
 
-_kinematics, _com_pos = _mujoco_function("mj_kinematics"), _mujoco_function("mj_comPos")
-_make_m, _factor_m = _mujoco_function("mj_makeM"), _mujoco_function("mj_factorM")
-_velocity = _mujoco_function("mj_fwdVelocity")
-_acceleration = _mujoco_function("mj_fwdAcceleration")
+kinematics, com_pos = _mujoco_function("mj_kinematics"), _mujoco_function("mj_comPos")
+make_m, factor_m = _mujoco_function("mj_makeM"), _mujoco_function("mj_factorM")
+velocity_ = _mujoco_function("mj_fwdVelocity")
+acceleration_ = _mujoco_function("mj_fwdAcceleration")
 _rne_post = _mujoco_function("mj_rnePostConstraint")
 _sensor_pos, _sensor_vel = _mujoco_function("mj_sensorPos"), _mujoco_function("mj_sensorVel")
 _sensor_acc = _mujoco_function("mj_sensorAcc")
-_energy_vel = _mujoco_function("mj_energyVel")
-_integrate_pos: Any = types.ExternalFunction(
+energy_vel = _mujoco_function("mj_energyVel")
+integrate_pos: Any = types.ExternalFunction(
     "mj_integratePos", types.void(types.intp, types.intp, types.intp, types.double)
 )
 
@@ -90,6 +90,7 @@ class Engine(NamedTuple):
         cartesian: view of xfrc_applied, which sensors read.
         sensors: view of sensordata.
         mass: view of M; ``diagonal``: where its diagonal stands there.
+        step: integration step [s].
         damping: what the joints' damping adds to the diagonal in an implicit step.
         chains: the kinematic tree.
         energy: view of MuJoCo's potential and kinetic energy [J].
@@ -103,19 +104,26 @@ class Engine(NamedTuple):
     sensors: FloatArray
     mass: FloatArray
     diagonal: NDArray[np.int64]
+    step: float
     damping: FloatArray
     chains: Chains
     energy: FloatArray
 
 
 class Forces(NamedTuple):
-    """Every force of the model with its state, and what is struck."""
+    """Every force of the model with its state, and what is struck.
+
+    ``contact`` is of all ellipsoids; ``landing`` of the body alone and ``outside`` of a spring
+    helmet's shell are views of it.
+    """
 
     surface: Surface
     spring: spring.CouplingSpring
     stops: stops.Stops
     neck: neck.CervicalSpine
     contact: contact.Contact
+    landing: contact.Contact
+    outside: contact.Contact
     liner: liner.CrushingLiner
     shell: shell.Plate
     fit: fit.Fit
@@ -158,8 +166,8 @@ class Clock(NamedTuple):
 @inlined
 def sample(engine: Engine, motion: Motion, loads: Loads, rows: Rows, i: int) -> None:
     """Write the present state, its sensors and loads into row i; leaves the acceleration."""
-    _factor_m(engine.model, engine.data)
-    _acceleration(engine.model, engine.data)
+    factor_m(engine.model, engine.data)
+    acceleration_(engine.model, engine.data)
     engine.sampled_acceleration[:] = engine.acceleration
     _sensor_pos(engine.model, engine.data)
     _sensor_vel(engine.model, engine.data)
@@ -173,6 +181,36 @@ def sample(engine: Engine, motion: Motion, loads: Loads, rows: Rows, i: int) -> 
     rows.coupling[i] = loads.coupling
     rows.spring[i] = loads.spring
     rows.surface[i] = loads.surface
+
+
+@inlined
+def slow_forces(
+    stopped: stops.Stops, necked: neck.CervicalSpine, touching: contact.Contact,
+    own: self_contact.SelfContact, struck: Surface, step: float, motion: Motion, loads: Loads,
+) -> None:  # fmt: skip
+    """Add what acts on the body; ``step``: time since the last call [s]."""
+    stops.apply(stopped, step, motion, loads)
+    neck.apply(necked, motion, loads)
+    contact.apply(touching, struck, step, motion, loads)
+    self_contact.apply(own, step, motion, loads)
+
+
+@inlined
+def fast_forces(
+    fitted: fit.Fit, outside: contact.Contact, foam: bool, bends: bool, plate: shell.Plate,
+    crushing: liner.CrushingLiner, sprung: spring.CouplingSpring, struck: Surface, step: float,
+    motion: Motion, loads: Loads,
+) -> None:  # fmt: skip
+    """Add what acts on head and helmet; ``step``: time since the last call [s]."""
+    fit.apply(fitted, step, motion, loads)
+    if foam:
+        if bends:
+            shell.apply(plate, crushing, struck, step, motion, loads)
+        else:
+            liner.apply(crushing, struck, step, motion, loads)
+    else:
+        contact.apply(outside, struck, step, motion, loads)
+        spring.apply(sprung, step, motion, loads)
 
 
 @compiled
@@ -202,35 +240,27 @@ def advance(
     model, data, step = engine.model, engine.data, clock.step
     mass, diagonal, damping = engine.mass, engine.diagonal, engine.damping
     acceleration, qpos, qvel = engine.acceleration, motion.qpos, motion.qvel
-    struck, sprung, stopped, necked, touching, crushing, plate, fitted, own = forces
+    struck, sprung, stopped, necked, _, touching, outside, crushing, plate, fitted, own = forces
     foam = len(crushing.columns.area) > 0
     bends = shell.spreads(plate, struck)
     damped = damping.any()
     for i in range(first, last):
         for substep in range(clock.substeps):
-            _kinematics(model, data)
-            _com_pos(model, data)
-            _make_m(model, data)
-            _velocity(model, data)
+            kinematics(model, data)
+            com_pos(model, data)
+            make_m(model, data)
+            velocity_(model, data)
 
             clear(loads)
-            stops.apply(stopped, step, motion, loads)
-            neck.apply(necked, motion, loads)
-            contact.apply(touching, struck, step, motion, loads)
-            fit.apply(fitted, step, motion, loads)
-            self_contact.apply(own, step, motion, loads)
-            if foam:
-                if bends:
-                    shell.apply(plate, crushing, struck, step, motion, loads)
-                else:
-                    liner.apply(crushing, struck, step, motion, loads)
-            else:
-                spring.apply(sprung, step, motion, loads)
+            slow_forces(stopped, necked, touching, own, struck, step, motion, loads)
+            fast_forces(
+                fitted, outside, foam, bends, plate, crushing, sprung, struck, step, motion, loads
+            )
             add_generalised(motion, loads, engine.chains)
 
             if substep == 0:
                 if i % WATCHED == 0:
-                    _energy_vel(model, data)
+                    energy_vel(model, data)
                     since = i * step * clock.substeps
                     if engine.energy[1] > clock.energy + since * (
                         clock.power + since * clock.growth
@@ -242,12 +272,12 @@ def advance(
             if damped or substep > 0:
                 for k in range(len(diagonal)):
                     mass[diagonal[k]] += damping[k]
-                _factor_m(model, data)
-                _acceleration(model, data)
+                factor_m(model, data)
+                acceleration_(model, data)
             if not abs(acceleration.sum()) < 1e12:  # also true for NaN
                 return i
             for k in range(len(qvel)):
                 qvel[k] += step * acceleration[k]
-            _integrate_pos(model, qpos.ctypes.data, qvel.ctypes.data, step)
+            integrate_pos(model, qpos.ctypes.data, qvel.ctypes.data, step)
             carry(struck, step)
     return last

@@ -20,6 +20,7 @@ from helmet_sim_ros.model.surface.config import SCENE, SurfaceConfig, load_surfa
 from helmet_sim_ros.schema import Config, leaf_values, leaves, quantity
 
 Rig = Literal["rider", "headform", "monorail"]
+Rates = Literal["several", "single"]
 Direction = Literal["front", "back", "left", "right", "top"]
 
 #: What places a rider whose state is not given.
@@ -96,6 +97,11 @@ class ImpactSetup(Config):
         "a smaller one (5e-5 s or less)",
         "s", 5e-5, ge=1e-6, le=1e-3,
     )  # fmt: skip
+    rates: Rates = Field(
+        "single",
+        description="several: the body at a large step, head and helmet at the integration step; "
+        "single: all at the integration step, as a reference",
+    )
     overrides: dict[str, Any] = Field(
         default_factory=dict, description="dotted names of rider, helmet, impact or sim values"
     )
@@ -131,6 +137,12 @@ class ImpactSetup(Config):
         # Refuse a bad file now, not when it runs.
         _ = self.head_surface
         self._refuse_thin(self.helmet_config, self.surface_config)
+        if self.rates == "several" and (
+            self.state is not None or self.helmet_config.coupling == "none"
+        ):
+            raise SetupError.of(
+                "sim.rates", self.rates, "must be single for a bare head and for a strike of a fall"
+            )
         return self
 
     def _refuse_beside_state(self, state: tuple[float, ...]) -> None:
@@ -267,7 +279,7 @@ def _setup_keys() -> dict[str, str]:
     for leaf in leaves(ImpactSetup):
         if "." in leaf.name or leaf.name == "helmet":
             continue
-        group = "sim" if leaf.name in ("duration", "time_step") else "impact"
+        group = "sim" if leaf.name in ("duration", "time_step", "rates") else "impact"
         names[f"{group}.{leaf.name}"] = leaf.name
     return names
 

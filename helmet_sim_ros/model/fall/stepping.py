@@ -20,7 +20,7 @@ from helmet_sim_ros.model.energy import mechanical_energy
 from helmet_sim_ros.model.fall.flight import Flight, begin, correct, on_ground
 from helmet_sim_ros.model.fall.pace import Limits, Pace, wanted
 from helmet_sim_ros.model.fall.setup import Fall
-from helmet_sim_ros.model.force import contact, fit, liner, neck, self_contact, shell, spring, stops
+from helmet_sim_ros.model.force import liner, shell
 from helmet_sim_ros.model.force.bodies import (
     FORCE,
     HELMET,
@@ -37,16 +37,18 @@ from helmet_sim_ros.model.loop import (
     Engine,
     Forces,
     Rows,
-    _acceleration,
-    _com_pos,
-    _energy_vel,
-    _factor_m,
-    _integrate_pos,
-    _kinematics,
-    _make_m,
     _mujoco_function,
-    _velocity,
+    acceleration_,
+    com_pos,
+    energy_vel,
+    factor_m,
+    fast_forces,
+    integrate_pos,
+    kinematics,
+    make_m,
     sample,
+    slow_forces,
+    velocity_,
 )
 from helmet_sim_ros.model.setup import ImpactSetup
 from helmet_sim_ros.model.surface.carrier import carry
@@ -103,18 +105,14 @@ class Log(NamedTuple):
 def apply_forces(forces: Forces, step: float, motion: Motion, loads: Loads) -> None:
     """Every force of the model in the present state, in the order of the stepping loop."""
     clear(loads)
-    stops.apply(forces.stops, step, motion, loads)
-    neck.apply(forces.neck, motion, loads)
-    contact.apply(forces.contact, forces.surface, step, motion, loads)
-    fit.apply(forces.fit, step, motion, loads)
-    self_contact.apply(forces.own, step, motion, loads)
-    if len(forces.liner.columns.area) > 0:
-        if shell.spreads(forces.shell, forces.surface):
-            shell.apply(forces.shell, forces.liner, forces.surface, step, motion, loads)
-        else:
-            liner.apply(forces.liner, forces.surface, step, motion, loads)
-    else:
-        spring.apply(forces.spring, step, motion, loads)
+    slow_forces(
+        forces.stops, forces.neck, forces.landing, forces.own, forces.surface, step, motion, loads
+    )
+    fast_forces(
+        forces.fit, forces.outside, len(forces.liner.columns.area) > 0,
+        shell.spreads(forces.shell, forces.surface), forces.shell, forces.liner, forces.spring,
+        forces.surface, step, motion, loads,
+    )  # fmt: skip
 
 
 @compiled
@@ -154,8 +152,8 @@ def integrate(
             if pressed:
                 mass[diagonal[k]] += kick * step * pace.pressed[k]
                 loads.generalised[k] -= step * pace.pressed[k] * qvel[k]
-    _factor_m(engine.model, engine.data)
-    _acceleration(engine.model, engine.data)
+    factor_m(engine.model, engine.data)
+    acceleration_(engine.model, engine.data)
     if not abs(acceleration.sum()) < 1e12:  # also true for NaN
         return False
     half = 0.5 * step
@@ -163,7 +161,7 @@ def integrate(
         qvel[k] += (kick if state == GROUND else half) * acceleration[k]
     for k in range(6, len(qvel)):
         qvel[k] += kick * acceleration[k]
-    _integrate_pos(engine.model, qpos.ctypes.data, qvel.ctypes.data, step)
+    integrate_pos(engine.model, qpos.ctypes.data, qvel.ctypes.data, step)
     if state == FLIGHT:
         for k in range(6):
             qvel[k] += half * acceleration[k]
@@ -224,13 +222,13 @@ def advance_fall(
     foam = len(forces.liner.columns.area) > 0
     while row < last and time[0] <= duration:
         flying = flight.since[0] >= 0.0
-        _kinematics(model, data)
-        _com_pos(model, data)
-        _make_m(model, data)
+        kinematics(model, data)
+        com_pos(model, data)
+        make_m(model, data)
         if flying:
             _com_vel(model, data)
             correct(flight, motion, time[0])
-        _velocity(model, data)
+        velocity_(model, data)
 
         touches = (loads.surface[HELMET] != 0.0).any()  # in the last step
         pressed = touches or is_held(pace, motion.qvel, progress, flying)
@@ -263,7 +261,7 @@ def advance_fall(
         fine = steps[0] >= 0
         if (fine and steps[0] % pace.substeps == 0) or (not fine and time[0] >= progress.due[0]):
             if row % WATCHED == 0:
-                _energy_vel(model, data)
+                energy_vel(model, data)
                 since = time[0]
                 if engine.energy[1] > clock.energy + since * (clock.power + since * clock.growth):
                     return -1 - row

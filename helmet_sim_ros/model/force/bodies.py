@@ -35,6 +35,8 @@ class Motion(NamedTuple):
         origin: centre of mass of the tree, (3,) [m].
         center: mass centres of the bodies, (bodies, 3) [m].
         axes: ``cdof``: axes of motion of each degree of freedom at ``origin``, (nv, 6).
+        ahead: by how long velocities are ahead of those that led from the last positions to these
+            [s]; a path that is summed up from them is so much too long.
     """
 
     qpos: FloatArray
@@ -45,6 +47,7 @@ class Motion(NamedTuple):
     origin: FloatArray
     center: FloatArray
     axes: FloatArray
+    ahead: float = 0.0
 
 
 class Rigid(NamedTuple):
@@ -96,11 +99,11 @@ class Chains(NamedTuple):
     parent: NDArray[np.int64]
 
 
-def motion_of(data: mujoco.MjData) -> Motion:
-    """Views of a simulation's arrays; the tree is that of body 1."""
+def motion_of(data: mujoco.MjData, ahead: float = 0.0) -> Motion:
+    """Views of a simulation's arrays; the tree is that of body 1; ``ahead``: see ``Motion``."""
     return Motion(
         data.qpos, data.qvel, data.xpos, data.xmat, data.cvel, data.subtree_com[1], data.xipos,
-        data.cdof,
+        data.cdof, ahead,
     )  # fmt: skip
 
 
@@ -120,6 +123,15 @@ def chains(model: mujoco.MjModel) -> Chains:
         moves = count[body] > 0
         last[body] = first[body] + count[body] - 1 if moves else last[parents[body]]
     return Chains(last, model.dof_parentid.astype(np.int64))
+
+
+def chain_of(chains: Chains, body: int) -> NDArray[np.int64]:
+    """The degrees of freedom that move a body, in the order of the tree."""
+    found, dof = [], int(chains.last[body])
+    while dof >= 0:
+        found.append(dof)
+        dof = int(chains.parent[dof])
+    return np.array(found[::-1], dtype=np.int64)
 
 
 @compiled

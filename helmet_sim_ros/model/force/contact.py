@@ -96,6 +96,15 @@ class Contact(NamedTuple):
             stick=np.zeros(size), peak=np.zeros(size[:2]), direction=np.zeros(size)
         )
 
+    def parts(self, count: int) -> tuple[Contact, Contact]:
+        """The first ``count`` ellipsoids and the others, with the same state."""
+        arrays = self[1:]
+        first, others = (
+            Contact(self.helmet, *(array[rows] for array in arrays))  # type: ignore[arg-type]
+            for rows in (slice(count), slice(count, None))
+        )
+        return first, others
+
 
 @inlined
 def center_of(contact: Contact, motion: Motion, i: int) -> Vec:
@@ -227,7 +236,7 @@ def press(
         pressed = resisting(elastic, contact.damping[i], rate, step, contact.mass[i])
     mu = contact.friction[i] if contact.friction[i] >= 0.0 else surface.friction[k]
     friction = friction_force(
-        TANGENTIAL_SHARE * stiffness, contact.relaxation[i], mu * pressed,
+        TANGENTIAL_SHARE * stiffness, contact.relaxation[i] - motion.ahead, mu * pressed,
         across(velocity, normal), normal, step, stick,
     )  # fmt: skip
     force = add(scaled(normal, pressed), friction)

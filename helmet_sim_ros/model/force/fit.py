@@ -203,20 +203,31 @@ def way_back(padding: Padding, largest: float, full: float) -> float:
 
 
 @inlined
-def shear_stiffness(padding: Padding, largest: float) -> float:
-    """Of padding and head surface in series [Pa/m], at the largest compression [m]."""
-    secant = pressure(padding, largest) / largest
-    return 1.0 / (1.0 / (padding.shear * secant) + padding.skin)
+def shear_stiffness(padding: Padding, largest: float, full: float) -> float:
+    """Of padding and head surface in series [Pa/m], at the largest compression [m] of pressure
+    ``full`` [Pa]: 1 / (1 / (shear full / largest) + skin)."""
+    sheared = padding.shear * full
+    return sheared / (largest + padding.skin * sheared)
 
 
 @inlined
-def above_head(point: Vec, axes: Vec) -> tuple[float, Vec]:
-    """Distance [m] of a point from the ellipsoid of the head to first order, and its normal."""
-    ux, uy, uz = point[0] / axes[0], point[1] / axes[1], point[2] / axes[2]
+def inverse_of(axes: Vec) -> Vec:
+    """1 / axes: divisions are most of what a patch costs."""
+    return 1.0 / axes[0], 1.0 / axes[1], 1.0 / axes[2]
+
+
+@inlined
+def above_head(point: Vec, inverse: Vec) -> tuple[float, Vec]:
+    """Distance [m] of a point from the ellipsoid of the head to first order, and its normal.
+
+    Args:
+        inverse: one over the semi-axes [1/m].
+    """
+    ux, uy, uz = point[0] * inverse[0], point[1] * inverse[1], point[2] * inverse[2]
     level = (ux * ux + uy * uy + uz * uz) ** 0.5
-    gx, gy, gz = ux / axes[0], uy / axes[1], uz / axes[2]
-    slope = (gx * gx + gy * gy + gz * gz) ** 0.5
-    return (level - 1.0) * level / slope, (gx / slope, gy / slope, gz / slope)
+    gx, gy, gz = ux * inverse[0], uy * inverse[1], uz * inverse[2]
+    over = 1.0 / (gx * gx + gy * gy + gz * gz) ** 0.5
+    return (level - 1.0) * level * over, (gx * over, gy * over, gz * over)
 
 
 @inlined
@@ -298,29 +309,30 @@ def apply(fit: Fit, step: float, motion: Motion, loads: Loads) -> None:
     speed = (qvel[v], qvel[v + 1], qvel[v + 2])
     # A ball joint's velocity is in the axes of the child.
     spin = turned(rotation, (qvel[v + 3], qvel[v + 4], qvel[v + 5]))
-    axes, center = fit.axes, fit.center
+    inverse, center = inverse_of(fit.axes), fit.center
+    recovered = min(1.0, step / RECOVERY)
     force, moment = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for i in range(len(areas)):
         arm = turned(rotation, row(points, i))
-        outside, normal = above_head(sub(add(shift, arm), center), axes)
+        outside, normal = above_head(sub(add(shift, arm), center), inverse)
         compression = padding.preload - outside
         if compression <= 0.0:
-            deepest[i] -= deepest[i] * min(1.0, step / RECOVERY)
+            deepest[i] -= deepest[i] * recovered
             sticks[i, 0] = sticks[i, 1] = sticks[i, 2] = 0.0
             continue
         velocity = add(speed, cross(spin, arm))
         rate = -dot(normal, velocity)
         largest = max(deepest[i], compression)
         full = pressure(padding, largest)
+        shear = shear_stiffness(padding, largest, full)
         if compression < largest:
             width = way_back(padding, largest, full)
             full *= max(0.0, 1.0 - (largest - compression) / width)
-        deepest[i] = largest + (compression - largest) * min(1.0, step / RECOVERY)
+        deepest[i] = largest + (compression - largest) * recovered
         viscous = padding.damping * rate * min(full, padding.modulus)
         pressed = areas[i] * max(0.0, full + viscous)
-        shear = shear_stiffness(padding, largest)
         rubbed = friction_force(
-            shear * areas[i], padding.relaxation, padding.friction * pressed,
+            shear * areas[i], padding.relaxation - motion.ahead, padding.friction * pressed,
             across(velocity, normal), normal, step, sticks[i],
         )  # fmt: skip
         here = add(scaled(normal, pressed), rubbed)
@@ -359,14 +371,14 @@ def held_energy(fit: Fit, qpos: FloatArray) -> float:
         if largest <= 0.0:
             continue
         arm = turned(rotation, row(fit.point, i))
-        outside, _ = above_head(sub(add(shift, arm), fit.center), fit.axes)
+        outside, _ = above_head(sub(add(shift, arm), fit.center), inverse_of(fit.axes))
         compression = max(0.0, padding.preload - outside)
         full = pressure(padding, largest)
         width = way_back(padding, largest, full)
         back = min(largest - compression, width)
         per_area = energy(padding, largest) - full * back * (1.0 - 0.5 * back / width)
         s = row(fit.stick, i)
-        per_area += 0.5 * shear_stiffness(padding, largest) * dot(s, s)
+        per_area += 0.5 * shear_stiffness(padding, largest, full) * dot(s, s)
         held += fit.area[i] * per_area
     for side in (1.0, -1.0):
         arm = turned(rotation, (strap.anchor[0], side * strap.anchor[1], strap.anchor[2]))

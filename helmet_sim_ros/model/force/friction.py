@@ -58,9 +58,10 @@ def friction_force(
         x *= scale
         y *= scale
         z *= scale
-        sx = x / stiffness - relaxation * slip[0]
-        sy = y / stiffness - relaxation * slip[1]
-        sz = z / stiffness - relaxation * slip[2]
+        over = 1.0 / stiffness
+        sx = x * over - relaxation * slip[0]
+        sy = y * over - relaxation * slip[1]
+        sz = z * over - relaxation * slip[2]
         length = (sx * sx + sy * sy + sz * sz) ** 0.5
         if length * stiffness > limit:
             shrink = limit / (length * stiffness)
@@ -81,6 +82,7 @@ def yielding_force(
     slip: Vec,
     normal: Vec,
     step: float,
+    ahead: float,
     sheared: FloatArray,
 ) -> Vec:
     """Friction [N] through a layer that yields in shear and hardens with its plastic path.
@@ -97,13 +99,14 @@ def yielding_force(
         slip: velocity across the normal [m/s].
         normal: of the contact, unit vector.
         step: time step [s].
+        ahead: by how long the slip is ahead of the path [s], see ``Motion.ahead``.
         sheared: elastic deflection (3) and plastic path, shape (4,) [m]; changed in place.
     """
     nx, ny, nz = normal
     off = sheared[0] * nx + sheared[1] * ny + sheared[2] * nz
-    sx = sheared[0] - off * nx + slip[0] * step
-    sy = sheared[1] - off * ny + slip[1] * step
-    sz = sheared[2] - off * nz + slip[2] * step
+    sx = sheared[0] - off * nx + slip[0] * (step - ahead)
+    sy = sheared[1] - off * ny + slip[1] * (step - ahead)
+    sz = sheared[2] - off * nz + slip[2] * (step - ahead)
     trial = stiffness * (sx * sx + sy * sy + sz * sz) ** 0.5
     bound = hardening * sheared[3]
     if trial > bound and bound < limit:
@@ -115,7 +118,7 @@ def yielding_force(
         sx *= shrink
         sy *= shrink
         sz *= shrink
-    sheared[0] = sx
-    sheared[1] = sy
-    sheared[2] = sz
+    sheared[0] = sx + slip[0] * ahead
+    sheared[1] = sy + slip[1] * ahead
+    sheared[2] = sz + slip[2] * ahead
     return -stiffness * sx, -stiffness * sy, -stiffness * sz

@@ -236,7 +236,14 @@ def apply(
         per_modulus = area / (2.0 * (1.0 + POISSON) * thickness)
         limit = surface.friction[shape] * stress * area
         rubbed = yielding_force(
-            foam[MODULUS] * per_modulus, secant * per_modulus, limit, slip, normal, step, stick
+            foam[MODULUS] * per_modulus,
+            secant * per_modulus,
+            limit,
+            slip,
+            normal,
+            step,
+            motion.ahead,
+            stick,
         )
         pushed = add(scaled(normal, stress * area), rubbed)
         react(surface, shape, pushed)

@@ -195,6 +195,24 @@ def apply(neck: CervicalSpine, motion: Motion, loads: Loads) -> None:
 
 
 @compiled
+def damping(neck: CervicalSpine, applied: FloatArray, bound: FloatArray) -> None:
+    """Add to ``bound``, (nv,), by how much at most the stops' forces fall with their own velocity
+    [N m s/rad, or N s/m along the slide].
+
+    Args:
+        applied: generalised forces, the neck's among them, (nv,).
+    """
+    for i in range(len(neck.qpos)):
+        dof = neck.qvel[i]
+        torque = (applied[dof] ** 2 + applied[dof + 1] ** 2 + applied[dof + 2] ** 2) ** 0.5
+        for k in range(3):
+            bound[dof + k] += STOP_DAMPING * torque
+    if len(neck.qpos):
+        dof = neck.slide[1]
+        bound[dof] += BOTTOM_DAMPING * abs(applied[dof])
+
+
+@compiled
 def _stop_energy(stiffness: float, excess: float) -> float:
     return stiffness * (0.5 * excess**2 + 0.25 * excess**4 / STOP_STIFFENS**2)
 

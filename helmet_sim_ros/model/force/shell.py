@@ -445,7 +445,7 @@ def apply(
         shear = loading_stress(largest[c], foams[c]) / largest[c] / (2.0 * (1.0 + POISSON))
         shear *= liner.columns.area[c] * state[c, COSINE] / liner.columns.thickness[c]
         rubbed = friction_force(
-            shear, RELAXATION, plate.friction[i, j] * pushed, slip, up, step, stick
+            shear, RELAXATION - motion.ahead, plate.friction[i, j] * pushed, slip, up, step, stick
         )
         force = add(scaled(up, pushed), rubbed)
         total, friction = add(total, force), add(friction, rubbed)
