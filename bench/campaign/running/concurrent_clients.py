@@ -13,7 +13,13 @@ from std_srvs.srv import Trigger
 
 from bench.campaign.attack import Outcome
 from bench.campaign.running import Rig
-from bench.campaign.running.on_nodes import ANSWERED, OnNodes, compare_all, random_setups
+from bench.campaign.running.on_nodes import (
+    ANSWERED,
+    OnNodes,
+    compare_all,
+    random_setups,
+    served_until,
+)
 from helmet_sim_ros.mcap_log.digest import setup_digest
 from helmet_sim_ros.nodes.scenario_node import parameter_values
 
@@ -67,7 +73,10 @@ class ConcurrentClients(OnNodes):
                 runs.append(runner.call_async(Trigger.Request()))
             if rng.random() < 0.3:
                 rig.serve(rng.uniform(0.0, 0.1))
-        rig.until(lambda: all(call.done() for call in [*sets, *runs]), ANSWERED)
+        served_until(rig, lambda: all(call.done() for call in [*sets, *runs]), ANSWERED)
+        silent = [sum(not call.done() for call in calls) for calls in (sets, runs)]
+        if any(silent):
+            return Outcome("lost", f"no answer to {silent[0]} sets of parameters, {silent[1]} runs")
         refused = [c.result().result.reason for c in sets if not c.result().result.successful]
         refused += [c.result().message for c in runs if not c.result().success]
         if strange := [reason for reason in refused if "busy" not in reason]:

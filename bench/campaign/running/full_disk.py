@@ -20,7 +20,7 @@ from bench.campaign.running.on_nodes import (
 from helmet_sim_ros.mcap_log.writer import PART
 
 #: Size of the disk: some dozen impacts.
-SIZE = 4_000_000
+SIZE = 2_000_000
 IMPACTS = 12
 
 
@@ -46,7 +46,7 @@ class FullDisk(OnNodes):
 
     def attacked(self, rig: Rig, rng: random.Random) -> Outcome:
         ballast = self.logs / "ballast"
-        ballast.write_bytes(bytes(rng.randrange(SIZE // 2, SIZE - 100_000)))
+        ballast.write_bytes(bytes(rng.randrange(SIZE // 2, SIZE - 50_000)))
         ran, told = {}, set()
         for setup in random_setups(rng, IMPACTS):
             impact_id, on_disk = recorded(rig, setup)

@@ -29,7 +29,9 @@ def read_only(folder: Path) -> None:
 
 def unmount(folder: Path) -> None:
     """Undo one of these; nothing if there is none."""
-    if folder.is_mount():
+    # Not Path.is_mount(), which takes a folder that is mounted over itself for none.
+    mounted = [line.split()[1] for line in Path("/proc/self/mounts").read_text().splitlines()]
+    if str(folder.resolve()) in mounted:
         subprocess.run(["umount", str(folder)], check=True)
 
 
