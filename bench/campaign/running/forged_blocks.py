@@ -12,8 +12,9 @@ from bench.campaign.attack import Outcome
 from bench.campaign.garbage_blocks import HEADERS, ODD
 from bench.campaign.running import Rig
 from bench.campaign.running.on_nodes import OnNodes, compare, logged, random_setup, waited
-from helmet_sim_ros import ImpactSetup, simulate
+from helmet_sim_ros import ImpactSetup, open_log, simulate
 from helmet_sim_ros.biomech.record import block_labels, to_block
+from helmet_sim_ros.errors import LogError
 from helmet_sim_ros.mcap_log.blocks import Block
 from helmet_sim_ros.nodes import samples
 from helmet_sim_ros.nodes.qos import SAMPLES_WRITER
@@ -58,31 +59,33 @@ class ForgedBlocks(OnNodes):
             if not answer.success:
                 return Outcome("lost", f"an impact failed: {answer.message}")
             ran[json.loads(answer.message)["impact_id"]] = setup
-        # Nobody says more of an impact than the messages told: both nodes have them all by now.
+        # Once all are judged, nothing is on its way to the recorder but what finish waits for.
         rig.until(lambda: set(ran) <= set(rig.criteria))
         answer = waited(rig, rig.ask("recorder/finish"))
         if not answer.success and "no log is open" not in answer.message:
             return Outcome("lost", f"the log was not finished: {answer.message}")
         found, incomplete = logged(self.logs), 0
+        problems = self._problems()
         for impact_id, setup in ran.items():
-            statuses = rig.criteria[impact_id].status
-            told = " ".join(status.message for status in statuses)
-            if impact_id in found:
-                compare(found[impact_id], setup, judged="incomplete" not in told)
-            elif "incomplete" not in told and not self._is_noted(impact_id):
-                return Outcome("lost", f"{impact_id} is gone and nobody says so: {told:.100}")
-            incomplete += impact_id not in found
+            try:
+                if impact_id in found:
+                    compare(found[impact_id], setup)
+                    continue
+                said = problems
+            except LogError as error:  # what stands there instead of criteria
+                said = str(error)
+            if f"impact {impact_id}" not in said or "incomplete" not in said:
+                return Outcome("lost", f"{impact_id} is gone and nobody says so: {said:.200}")
+            incomplete += 1
         rig.criteria.clear()
         self.cleared()
         detail = f"{forged} forged messages, {incomplete} of {len(ran)} impacts incomplete"
         return Outcome("refused" if incomplete else "held", detail)
 
-    def _is_noted(self, impact_id: str) -> bool:
-        """Whether a log says of an impact that it is incomplete."""
-        from helmet_sim_ros import open_log
-
+    def _problems(self) -> str:
+        """What the logs say of impacts that are not complete."""
         logs = [open_log(path) for path in self.logs.glob("*.mcap")]
-        return any(impact_id in problem for log in logs for problem in log.problems)
+        return " ".join(problem for log in logs for problem in log.problems)
 
     def _message(self, running: str, rng: random.Random) -> Float64MultiArray:
         """What a stranger sends; never the complete impact that is running, which none could tell

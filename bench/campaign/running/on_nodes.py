@@ -205,16 +205,17 @@ def compare(impact: LoggedImpact, setup: ImpactSetup, judged: bool = True) -> No
 
     Raises:
         Loss: they differ in a bit.
+        LogError: what was logged instead of criteria, in words.
     """
-    record = simulate(setup)
-    name = impact.impact_id
+    record, name = simulate(setup), impact.impact_id
     if dict(impact.setup) != dict(record.setup):
         raise Loss(f"{name}: the log has another setup")
     if not same_samples(impact.record, record):
         raise Loss(f"{name}: the log has other samples")
-    if impact.logged is None and judged:
+    found = impact.logged
+    if found is None and judged:
         raise Loss(f"{name}: no criteria in the log")
-    if impact.logged is not None and impact.logged != evaluate(record):
+    if found is not None and found != evaluate(record):
         raise Loss(f"{name}: the log has other criteria")
 
 
