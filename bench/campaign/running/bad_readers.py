@@ -34,7 +34,7 @@ class BadReaders(OnNodes):
 
     name = "bad readers"
     what = "another subscriber of samples and criteria is slow, stands still for 3 s, or is killed"
-    cases = (6, 100)
+    cases = (4, 100)
 
     def attacked(self, rig: Rig, rng: random.Random) -> Outcome:
         kind = rng.choice(["slow", "still", "killed"])

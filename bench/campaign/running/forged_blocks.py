@@ -28,7 +28,7 @@ class ForgedBlocks(OnNodes):
 
     name = "forged blocks"
     what = "garbage, and blocks of the running and of other impacts, sent by a stranger"
-    cases = (10, 250)
+    cases = (4, 250)
 
     def prepare(self, folder: Path) -> None:
         super().prepare(folder)

@@ -29,7 +29,7 @@ class FullDisk(OnNodes):
 
     name = "full disk"
     what = "impacts are recorded on a small tmpfs until it is full, and after it was emptied"
-    cases = (5, 100)
+    cases = (3, 100)
 
     def prepare(self, folder: Path) -> None:
         super().prepare(folder)

@@ -37,7 +37,7 @@ class KilledCommands(Attack):
 
     name = "killed commands"
     what = "helmet-sim run gets SIGKILL, SIGTERM or SIGINT at a random instant"
-    cases = (5, 40)
+    cases = (4, 40)
     bounded = False
 
     def prepare(self, folder: Path) -> None:

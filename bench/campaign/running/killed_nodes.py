@@ -42,7 +42,7 @@ class KilledNodes(OnNodes):
 
     name = "killed nodes"
     what = "SIGKILL of one of the four nodes while impacts run; then a new one"
-    cases = (6, 160)
+    cases = (4, 160)
     kinds = ("simulation", "evaluator", "recorder", "scenario")
     parameters: ClassVar[dict[str, Any]] = {"max_impacts": 5}
 

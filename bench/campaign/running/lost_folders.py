@@ -29,7 +29,7 @@ class LostFolders(OnNodes):
 
     name = "lost folders"
     what = "the folder of the logs is removed, moved away, a file, or read-only; and there again"
-    cases = (8, 100)
+    cases = (6, 100)
 
     def prepare(self, folder: Path) -> None:
         super().prepare(folder)

@@ -17,7 +17,7 @@ class SeparateProcesses(OnNodes):
 
     name = "separate processes"
     what = f"{IMPACTS} random impacts at a stretch, each against the same in this process"
-    cases = (10, 500)
+    cases = (5, 500)
 
     def attacked(self, rig: Rig, rng: random.Random) -> Outcome:
         ran = run_setups(rig, random_setups(rng, IMPACTS))

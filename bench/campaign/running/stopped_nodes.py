@@ -21,7 +21,7 @@ class StoppedNodes(OnNodes):
 
     name = "stopped nodes"
     what = "SIGSTOP of a node while impacts run, SIGCONT up to 3 s later"
-    cases = (8, 200)
+    cases = (4, 200)
 
     def attacked(self, rig: Rig, rng: random.Random) -> Outcome:
         victim = rng.choice(self.kinds)

@@ -66,7 +66,7 @@ class KilledSweeps(_Sweeps):
 
     name = "killed sweeps"
     what = "workers, or the sweep itself, get SIGKILL at a random instant; it is begun again"
-    cases = (5, 100)
+    cases = (3, 100)
 
     def case(self, rng: random.Random) -> Outcome:
         output, delay = self._place(), rng.uniform(0.0, LATEST)
@@ -99,7 +99,7 @@ class TwoSweeps(_Sweeps):
 
     name = "two sweeps"
     what = "two sweeps into one folder, started at nearly the same time"
-    cases = (4, 100)
+    cases = (2, 100)
 
     def case(self, rng: random.Random) -> Outcome:
         output = self._place()
