@@ -237,8 +237,8 @@ def nothing_yet() -> Loads:
     return Loads(np.zeros(0), np.zeros((1, 6)), np.zeros(6), np.zeros(3), np.zeros((2, 9)))
 
 
-def fresh_liner(shapes: int = 1) -> CrushingLiner:
-    helmet = load_helmet("fullface")
+def fresh_liner(shapes: int = 1, count: int = 1000) -> CrushingLiner:
+    helmet = load_helmet("fullface").replaced({"liner.columns": count})
     table = columns(helmet)
     return crushing_liner(table, helmet, 0, shapes, np.zeros(len(table.area)))
 
@@ -320,3 +320,38 @@ def test_crushed_foam_yields_in_shear_and_gives_little_back() -> None:
     assert there > 0.0
     assert back < 0.1 * there
     assert force[10, 0] < 0.0 and force[399, 0] > 0.0
+
+
+@pytest.mark.parametrize(("count", "error"), [(1000, 0.03), (4000, 0.01)])
+@pytest.mark.parametrize("depth", [0.01, 0.02, 0.03])
+@pytest.mark.parametrize("side", [(0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)])
+def test_a_liner_pressed_on_a_hemisphere_bears_the_integral_over_the_overlap(
+    side: tuple[float, float, float], depth: float, count: int, error: float
+) -> None:
+    """Against a quadrature of the foam's law over the ellipsoid, which knows no cells."""
+    helmet, anvil = load_helmet("fullface"), 0.048
+    axes, thickness = np.array(helmet.shell.semi_axes), helmet.liner.thickness
+    toward = np.array(side)
+    # In the helmet frame: the ball's top lies `depth` inside the outermost point.
+    ball = toward * (axes @ np.abs(toward) - depth + anvil)
+    n = 400_000
+    height = 1.0 - (2.0 * np.arange(n) + 1.0) / n
+    turn = np.pi * (1.0 + np.sqrt(5.0)) * np.arange(n)
+    unit = np.column_stack([np.sqrt(1 - height**2) * np.cos(turn),
+                            np.sqrt(1 - height**2) * np.sin(turn), height])  # fmt: skip
+    area = axes.prod() * np.linalg.norm(unit / axes, axis=1) * 4.0 * np.pi / n
+    outward = unit / axes / np.linalg.norm(unit / axes, axis=1)[:, None]
+    away = axes * unit - ball
+    distance = np.linalg.norm(away, axis=1)
+    cosine = np.maximum(0.0, -(away / distance[:, None] * outward).sum(axis=1))
+    inside = (distance < anvil) & (cosine > 0.0)
+    row = foam.foam_row(helmet.liner.density, helmet.liner.energy_returned)
+    strain = ((anvil - distance) * cosine / thickness)[inside]
+    stress = foam.loading_stresses(strain, row)
+    force = (stress * area[inside] * cosine[inside]) @ (away[inside] / distance[inside, None])
+    surface = load_surface("hemisphere").compiled(0.0)
+    pressed, loads, still = fresh_liner(count=count), nothing_yet(), np.zeros(3)
+    down = Rotation.align_vectors([[0.0, 0.0, -1.0]], [toward])[0]
+    at = -down.apply(ball) + [0.0, 0.0, -anvil]
+    liner.apply(pressed, surface, 5e-5, moving(at, down, still, still), loads)
+    assert loads.surface[HELMET, FORCE + 2] == pytest.approx(-force @ toward, rel=error)

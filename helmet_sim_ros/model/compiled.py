@@ -59,11 +59,17 @@ class ByContent:
     def __init__(self, function: Callable[..., object], source: str) -> None:
         """Of a function in a source file."""
         self._line, self._py_file = function.__code__.co_firstlineno, source  # numba warns of it
-        self._module = Path(source).resolve().relative_to(SOURCES).with_suffix("")
+        path = Path(source).resolve()
+        self._stamp = ""  # the folder tells the content of every source of the model
+        if path.is_relative_to(SOURCES):
+            self._module = path.relative_to(SOURCES).with_suffix("")
+        else:
+            self._stamp = hashlib.sha256(path.read_bytes()).hexdigest()
+            self._module = Path("elsewhere", hashlib.sha256(str(path).encode()).hexdigest()[:16])
 
     @classmethod
     def from_function(cls, function: Callable[..., object], source: str) -> ByContent:
-        """The locator of a function in a source file below ``SOURCES``."""
+        """The locator of a function in a source file."""
         return cls(function, source)
 
     def ensure_cache_path(self) -> None:
@@ -75,8 +81,8 @@ class ByContent:
         return str(cache_folder() / self._module)
 
     def get_source_stamp(self) -> str:
-        """What a change of the source would change: the folder says it already."""
-        return ""
+        """What a change of a source outside the model changes."""
+        return self._stamp
 
     def get_disambiguator(self) -> str:
         """Tells functions of one name apart."""

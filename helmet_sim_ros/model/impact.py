@@ -17,6 +17,7 @@ from helmet_sim_ros.biomech.record import (
 )
 from helmet_sim_ros.biomech.rotation import matrices
 from helmet_sim_ros.errors import DivergedError, PulseError
+from helmet_sim_ros.model.anvil_drops import on_its_surface
 from helmet_sim_ros.model.force.bodies import (
     BODY,
     COLUMNS,
@@ -79,7 +80,7 @@ class Impact:
     ) -> None:
         """Args: see :func:`simulate`; ``helmet`` takes the place of the setup's."""
         self.setup = setup
-        self.helmet = helmet = helmet or setup.helmet_config
+        self.helmet = helmet = on_its_surface(setup, helmet or setup.helmet_config)
         self.total = setup.samples
         world = build(setup, helmet)
         parts, data = world.parts, world.data

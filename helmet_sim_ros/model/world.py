@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helmet_sim_ros.biomech.record import FloatArray
+from helmet_sim_ros.model.anvil_drops import PATCH, unevenness
 from helmet_sim_ros.model.force.bodies import Chains, chains
 from helmet_sim_ros.model.force.columns import Columns, as_now, columns, no_columns
 from helmet_sim_ros.model.force.contact import Contact
@@ -36,8 +37,6 @@ MAX_STEP = 5e-5  # s, largest integration step: peaks within 1 % (test_model_imp
 MIN_STEP = 2e-6  # s; a shell so light or stiff that it needs less may diverge, and says so
 STABLE_SHARE = 0.9
 BODY_MARGIN = 1.3  # energy the body feeds into the spring, over that of head and helmet
-PATCH = 0.05  # m, radius of the shell that a usual blow flattens: sqrt(2 R d)
-UNEVEN = 2e-3  # m, that a surface falls away within it without being told
 OF_THE_SURFACE = -1.0  # friction of the shell: whatever it strikes has its own
 POINT_INERTIA = 1e-9  # kg m^2, of a mass that only translates; MuJoCo takes no zero
 HELD = 1e4  # inertia of a head that a monorail does not let turn, over its own
@@ -111,16 +110,26 @@ def build(setup: ImpactSetup, helmet: Helmet) -> World:
 
 
 def _not_flat(setup: ImpactSetup, helmet: Helmet) -> tuple[str, ...]:
-    """What a spring that was identified on flat ground does not know."""
-    if helmet.coupling != "spring" or setup.surface_config.is_flat_ground:
+    """What a helmet does not know of a surface that is not flat."""
+    spring = helmet.coupling == "spring"
+    bends = helmet.shell.material.bending_stiffness > 0.0
+    gap = unevenness(setup.surface_config)
+    if gap == 0.0 or (bends and not spring):
         return ()
-    gap = setup.surface_config.falls_away(PATCH)
-    if gap < UNEVEN:
-        return ()
+    falls = f"{setup.surface} falls {gap * 1e3:.0f} mm away {PATCH * 1e3:.0f} mm beside the target"
+    if spring and helmet.spring.identified:
+        return (
+            f"{falls}: the coupling spring was identified there, from drops of its foam at this "
+            "pose; where the helmet rolls to another place it is the same",
+        )
+    if spring:
+        return (
+            f"the coupling spring stands for flat ground, and {falls}: its peaks are those of a "
+            "flat blow; helmet.coupling = foam has the local crush",
+        )
     return (
-        f"the coupling spring stands for flat ground, and {setup.surface} falls {gap * 1e3:.0f} mm "
-        f"away {PATCH * 1e3:.0f} mm beside the target: its peaks are those of a flat blow; "
-        "helmet.coupling = foam has the local crush",
+        f"{falls}, and a liner without a shell lets each column alone: too soft a blow; "
+        "helmet.shell.material.modulus and .thickness let the shell spread it",
     )
 
 

@@ -108,8 +108,8 @@ def make_campaign(
     coupling = sites[0][0].setup.helmet_config.coupling
     if coupling == "spring":
         notes.append(
-            "the helmet is its coupling spring: kerb and hemisphere meet a rigid shell, and it "
-            "remembers no crush"
+            "the helmet is its coupling spring, as if every anvil were flat: kerb and hemisphere "
+            "meet a rigid shell, and it remembers no crush"
         )
     elif own.coupling == "spring":
         notes.append("the helmet is its foam liner; its file has the coupling spring as usual form")
