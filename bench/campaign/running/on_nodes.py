@@ -24,6 +24,8 @@ from helmet_sim_ros.nodes.scenario_node import parameter_values
 #: How long the middleware may take to forget a killed process, on a machine that is busy [s];
 #: Fast DDS does so after 20 s.
 FORGOTTEN = 120.0
+#: How long a node may take to start, if it has to compile [s].
+STARTED = 300.0
 #: How long an answer may take: a hanging reader is waited for 30 s, several times at most [s].
 ANSWERED = 200.0
 #: How long a recorder may take to tell what became of an impact [s].
@@ -102,7 +104,7 @@ class OnNodes(Attack):
         values = {"output_dir": self.logs} | self.parameters if kind == "recorder" else {}
         rig.start(kind, **values)
         if kind != "evaluator":
-            rig.until(lambda: kind in rig.status, FORGOTTEN)
+            rig.until(lambda: kind in rig.status, STARTED)
 
     def connected(self, rig: Rig) -> None:
         """Wait until the simulation has exactly its two readers."""
