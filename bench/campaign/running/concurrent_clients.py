@@ -21,6 +21,7 @@ from bench.campaign.running.on_nodes import (
     served_until,
 )
 from helmet_sim_ros.mcap_log.digest import setup_digest
+from helmet_sim_ros.nodes.qos import SERVICE
 from helmet_sim_ros.nodes.scenario_node import parameter_values
 
 CLIENTS = 3
@@ -44,9 +45,9 @@ class ConcurrentClients(OnNodes):
         for node in self._nodes:
             rig._executor.add_node(node)
             setter = node.create_client(
-                SetParametersAtomically, "simulation/set_parameters_atomically"
+                SetParametersAtomically, "simulation/set_parameters_atomically", qos_profile=SERVICE
             )
-            runner = node.create_client(Trigger, "simulation/run_impact")
+            runner = node.create_client(Trigger, "simulation/run_impact", qos_profile=SERVICE)
             self._clients.append((setter, runner))
         rig.until(lambda: all(c.service_is_ready() for pair in self._clients for c in pair))
         return rig
