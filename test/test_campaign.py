@@ -1,7 +1,8 @@
-"""The attacks of ``python -m bench.campaign`` on files and functions, a few hundred of each."""
+"""The attacks of ``python -m bench.campaign``: hundreds of cases on files, few on nodes."""
 
 from __future__ import annotations
 
+import shutil
 import time
 from pathlib import Path
 
@@ -10,15 +11,19 @@ import pytest
 pytest.importorskip("rclpy", reason="logs for tests are written by the recorder's session")
 
 from click.testing import CliRunner
+from logs import write_log
 
 from bench.campaign.__main__ import main
-from bench.campaign.attack import LONGEST, Attack, Outcome, run, run_case
+from bench.campaign.attack import LONGEST, Attack, Impossible, Outcome, run, run_case
 from bench.campaign.damaged_logs import DamagedLogs
 from bench.campaign.garbage_blocks import GarbageBlocks
 from bench.campaign.hostile_names import HostileNames
 from bench.campaign.mutated_tables import MutatedTables
 from bench.campaign.mutated_yaml import MutatedYaml
 from bench.campaign.parameter_sets import ParameterSets
+from bench.campaign.running.concurrent_clients import ConcurrentClients
+from bench.campaign.running.on_nodes import Loss, compare_all, logged
+from helmet_sim_ros import ImpactSetup
 
 #: The same for everybody; ``python -m bench.campaign --seed`` tries others.
 SEED = 17
@@ -89,3 +94,43 @@ def test_the_command_prints_a_table_and_how_to_repeat_a_case() -> None:
     assert "parameter sets" in run_twice[0].output and "seed 3" in run_twice[0].output
     rows = [answer.output.splitlines()[-2] for answer in run_twice]
     assert rows[0] == rows[1]
+
+
+def test_nothing_is_lost_of_running_nodes(tmp_path: Path) -> None:
+    tally = run(ConcurrentClients(), SEED, range(2), tmp_path / "attack")
+    assert not tally.bad and sum(tally.counts.values()) == 2
+
+
+def test_what_a_log_lacks_or_has_otherwise_is_a_loss(tmp_path: Path) -> None:
+    right = ImpactSetup(rig="headform", duration=2e-3, time_step=1e-4)
+    other = right.replaced({"normal_velocity": 6.0})
+    write_log(tmp_path / "a.mcap", [right, right])
+    found = logged(tmp_path)
+    compare_all(found, {"test-0": right, "test-1": right})
+    for ran, loss in (({"test-1": other}, "another setup"), ({"test-2": right}, "not in the log")):
+        with pytest.raises(Loss, match=loss):
+            compare_all(found, ran)
+    # The setup is right, and the samples are those of another.
+    found["test-0"].__dict__["setup"] = other.described()
+    with pytest.raises(Loss, match="other samples"):
+        compare_all(found, {"test-0": other})
+    shutil.copy(tmp_path / "a.mcap", tmp_path / "b.mcap")
+    with pytest.raises(Loss, match="twice"):
+        logged(tmp_path)
+    (tmp_path / "none").mkdir()
+    write_log(tmp_path / "none" / "c.mcap", [right], judged=False)
+    with pytest.raises(Loss, match="no criteria"):
+        compare_all(logged(tmp_path / "none"), {"test-0": right})
+
+
+class NotHere(Broken):
+    """An attack that this machine does not allow."""
+
+    def prepare(self, folder):
+        raise Impossible("mount: permission denied")
+
+
+def test_an_attack_that_cannot_be_tried_is_skipped_and_says_why(tmp_path: Path) -> None:
+    tally = run(NotHere(), 1, range(3), tmp_path / "attack")
+    assert tally.words == "skipped: mount: permission denied"
+    assert not tally.counts and not tally.bad

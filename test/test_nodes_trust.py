@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -24,6 +25,7 @@ from helmet_sim_ros.mcap_log import open_log
 from helmet_sim_ros.mcap_log.criteria import digest_of
 from helmet_sim_ros.mcap_log.digest import setup_digest
 from helmet_sim_ros.model.setup import ImpactSetup
+from helmet_sim_ros.nodes.qos import SERVICE
 from helmet_sim_ros.nodes.scenario_node import parameter_values
 from helmet_sim_ros.resources import find_config
 from helmet_sim_ros.study import load_scenario
@@ -190,6 +192,21 @@ def test_criteria_of_every_impact_are_in_the_log_however_far_the_recorder_is_beh
     mine = [impact for impact in log.impacts if impact.impact_id in ids]
     assert [impact.impact_id for impact in mine] == ids and not log.problems
     assert [impact.impact_id for impact in mine if impact.logged is None] == []
+
+
+def test_every_one_of_many_calls_at_once_is_answered(rig: Rig) -> None:
+    """Of 15 calls that waited for a busy simulation, 5 were never answered."""
+    client = rig.node.create_client(Trigger, "simulation/run_impact", qos_profile=SERVICE)
+    rig.until(client.service_is_ready)
+    process = rig.processes["simulation"]
+    process.send_signal(signal.SIGSTOP)
+    try:
+        calls = [client.call_async(Trigger.Request()) for _ in range(30)]
+        rig.serve(0.5)
+    finally:
+        process.send_signal(signal.SIGCONT)
+    rig.until(lambda: all(call.done() for call in calls))
+    rig.node.destroy_client(client)
 
 
 def test_a_missing_evaluator_is_said_in_the_log_and_in_the_status(rig: Rig) -> None:

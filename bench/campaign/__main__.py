@@ -19,10 +19,21 @@ from bench.campaign.interrupted_logs import InterruptedLogs
 from bench.campaign.mutated_tables import MutatedTables
 from bench.campaign.mutated_yaml import MutatedYaml
 from bench.campaign.parameter_sets import ParameterSets
+from bench.campaign.running.bad_readers import BadReaders
+from bench.campaign.running.concurrent_clients import ConcurrentClients
+from bench.campaign.running.forged_blocks import ForgedBlocks
+from bench.campaign.running.full_disk import FullDisk
+from bench.campaign.running.killed_commands import KilledCommands
+from bench.campaign.running.killed_nodes import KilledNodes
+from bench.campaign.running.lost_folders import LostFolders
+from bench.campaign.running.separate_processes import SeparateProcesses
+from bench.campaign.running.stopped_nodes import StoppedNodes
+from bench.campaign.running.sweeps import KilledSweeps, TwoSweeps
 
 ATTACKS: tuple[type[Attack], ...] = (
     DamagedLogs, InterruptedLogs, MutatedYaml, MutatedTables, ParameterSets, GarbageBlocks,
-    HostileNames,
+    HostileNames, SeparateProcesses, KilledNodes, KilledCommands, StoppedNodes, ConcurrentClients,
+    ForgedBlocks, BadReaders, FullDisk, LostFolders, KilledSweeps, TwoSweeps,
 )  # fmt: skip
 #: Bad cases whose details are printed, per attack.
 MOST_DETAILS = 10
@@ -80,6 +91,9 @@ def _table(tallies: list[Tally]) -> Table:
     for column in ("count", *VERDICTS):
         table.add_column(column, justify="right")
     for tally in tallies:
+        if tally.skipped:
+            table.add_row(tally.attack, "skipped", *("" for _ in VERDICTS))
+            continue
         counts = [tally.counts[verdict] for verdict in VERDICTS]
         table.add_row(tally.attack, *map(str, (sum(counts), *counts)))
     return table

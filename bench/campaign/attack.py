@@ -32,6 +32,10 @@ class Outcome(NamedTuple):
     detail: str = ""
 
 
+class Impossible(Exception):
+    """An attack cannot be tried on this machine; why."""
+
+
 class Attack(ABC):
     """An attack: prepared once, then any number of cases.
 
@@ -49,7 +53,11 @@ class Attack(ABC):
 
     @abstractmethod
     def prepare(self, folder: Path) -> None:
-        """Make what the cases need, in an empty folder of its own."""
+        """Make what the cases need, in an empty folder of its own.
+
+        Raises:
+            Impossible: this machine does not allow it.
+        """
 
     @abstractmethod
     def case(self, rng: random.Random) -> Outcome:
@@ -69,6 +77,7 @@ class Tally:
         bad: number of each case that was lost or failed, with its detail.
         last: the last case.
         slowest: processor time [s] of the slowest case.
+        skipped: why no case could be tried; empty if they were.
     """
 
     attack: str
@@ -76,10 +85,13 @@ class Tally:
     bad: list[tuple[int, Outcome]] = field(default_factory=list)
     last: Outcome | None = None
     slowest: float = 0.0
+    skipped: str = ""
 
     @property
     def words(self) -> str:
         """The counts in words."""
+        if self.skipped:
+            return f"skipped: {self.skipped}"
         counts = ", ".join(f"{self.counts[verdict]} {verdict}" for verdict in VERDICTS)
         return f"{sum(self.counts.values())} cases ({counts})"
 
@@ -118,6 +130,8 @@ def run(attack: Attack, seed: int, numbers: range, folder: Path) -> Tally:
             tally.slowest = max(tally.slowest, spent)
             if outcome.verdict in ("lost", "failed"):
                 tally.bad.append((number, outcome))
+    except Impossible as reason:
+        tally.skipped = str(reason)
     finally:
         attack.close()
     return tally

@@ -11,6 +11,7 @@ from types import FrameType
 from typing import Any
 
 import rclpy
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
@@ -144,7 +145,9 @@ async def wait(node: Node, future: Future, seconds: float) -> None:
         if not future.done():
             future.set_result(None)
 
-    timer = node.create_timer(max(seconds, 1e-6), expire, clock=WALL)
+    # A group of its own: one that stays keeps a reference to each timer that ever was in it.
+    group = ReentrantCallbackGroup()
+    timer = node.create_timer(max(seconds, 1e-6), expire, callback_group=group, clock=WALL)
     try:
         await future
     finally:

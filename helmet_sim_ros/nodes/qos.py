@@ -50,6 +50,11 @@ CRITERIA_READER = QoSProfile(
 LIVE = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=100
 )
+#: Services that many clients may call at once. ROS keeps 10 requests that wait by default and drops
+#: the oldest of more, whose client then waits for ever; its services of parameters keep 1000.
+SERVICE = QoSProfile(
+    reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=1000
+)
 #: /clock; its usual readers are volatile and best effort.
 CLOCK = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=10

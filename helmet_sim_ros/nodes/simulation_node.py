@@ -28,7 +28,7 @@ from helmet_sim_ros.nodes.live_view import LiveView, SimulationClock
 from helmet_sim_ros.nodes.outgoing import Outgoing
 from helmet_sim_ros.nodes.parameters import NODE_OPTIONS
 from helmet_sim_ros.nodes.process import WALL, answering, run_node
-from helmet_sim_ros.nodes.qos import LATCHED, SAMPLES_IN_FLIGHT, SAMPLES_WRITER
+from helmet_sim_ros.nodes.qos import LATCHED, SAMPLES_IN_FLIGHT, SAMPLES_WRITER, SERVICE
 from helmet_sim_ros.nodes.run_control import RunControl
 from helmet_sim_ros.nodes.setup_parameters import SimulationConfig, declare
 
@@ -63,7 +63,9 @@ class SimulationNode(Node):
             ("cancel", Trigger, self._cancel),
             ("reset", Trigger, self._reset),
         ):
-            self.create_service(kind, f"~/{name}", callback, callback_group=group)
+            self.create_service(
+                kind, f"~/{name}", callback, qos_profile=SERVICE, callback_group=group
+            )
         self.create_timer(WATCH_PERIOD, self._watch, clock=WALL)
         self._tell("idle")
 
