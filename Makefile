@@ -18,7 +18,7 @@ demo: $(VENV)/.demo-ready
 	@$(BIN)/helmet-sim run oblique_table1
 
 test: $(VENV)/.test-ready
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 lint: $(VENV)/.test-ready
 	$(BIN)/ruff check .

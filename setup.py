@@ -82,6 +82,7 @@ EXTRAS = {
         "mypy",
         "pytest>=8",
         "pytest-timeout",
+        "pytest-xdist",
         "ruff",
         "selenium>=4.10",
         "types-PyYAML",

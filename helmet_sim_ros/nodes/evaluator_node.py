@@ -22,7 +22,7 @@ from helmet_sim_ros.nodes.conversion import nanoseconds
 from helmet_sim_ros.nodes.outgoing import Outgoing
 from helmet_sim_ros.nodes.parameters import NODE_OPTIONS, Parameters
 from helmet_sim_ros.nodes.process import WALL, answering, run_node
-from helmet_sim_ros.nodes.qos import CRITERIA, CRITERIA_IN_FLIGHT, SAMPLES_READER
+from helmet_sim_ros.nodes.qos import CRITERIA, CRITERIA_IN_FLIGHT, SAMPLES_READER, SERVICE
 from helmet_sim_ros.schema import Config, leaves
 
 TOPIC = "evaluation/criteria"
@@ -51,7 +51,7 @@ class EvaluatorNode(Node):
         self._last: dict[str, Any] | None = None
         publisher = self.create_publisher(DiagnosticArray, TOPIC, CRITERIA)
         self._outgoing = Outgoing(self, publisher, CRITERIA_IN_FLIGHT)
-        self.create_service(Trigger, "~/last_result", self._last_result)
+        self.create_service(Trigger, "~/last_result", self._last_result, qos_profile=SERVICE)
         # A group of its own: no block is looked at while criteria wait for their readers.
         self.create_subscription(
             Float64MultiArray, samples.TOPIC, self._receive, SAMPLES_READER,

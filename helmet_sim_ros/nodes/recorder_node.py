@@ -24,7 +24,7 @@ from helmet_sim_ros.nodes.conversion import nanoseconds
 from helmet_sim_ros.nodes.log_session import CRITERIA_TOPIC, LogSession
 from helmet_sim_ros.nodes.parameters import NODE_OPTIONS, Parameters
 from helmet_sim_ros.nodes.process import WALL, answering, run_node, wait
-from helmet_sim_ros.nodes.qos import CRITERIA_READER, LATCHED, SAMPLES_READER
+from helmet_sim_ros.nodes.qos import CRITERIA_READER, LATCHED, SAMPLES_READER, SERVICE
 from helmet_sim_ros.nodes.recorder_config import (
     RecorderConfig,
     check_inside,
@@ -94,7 +94,11 @@ class RecorderNode(Node):
         self._place = self._settings.value.place
         self._status = self.create_publisher(DiagnosticStatus, "~/status", LATCHED)
         self.create_service(
-            Trigger, "~/finish", self._finish, callback_group=ReentrantCallbackGroup()
+            Trigger,
+            "~/finish",
+            self._finish,
+            qos_profile=SERVICE,
+            callback_group=ReentrantCallbackGroup(),
         )
         self.create_subscription(
             Float64MultiArray, samples.TOPIC, self._receive, SAMPLES_READER, raw=True

@@ -38,7 +38,7 @@ from helmet_sim_ros.model.setup import ImpactSetup
 from helmet_sim_ros.nodes.diagnostics import to_evaluation
 from helmet_sim_ros.nodes.parameters import NODE_OPTIONS, Parameters, renamed, without_prefix
 from helmet_sim_ros.nodes.process import answering, run_node, wait
-from helmet_sim_ros.nodes.qos import CRITERIA, LATCHED, STATUS_READER
+from helmet_sim_ros.nodes.qos import CRITERIA, LATCHED, SERVICE, STATUS_READER
 from helmet_sim_ros.nodes.setup_parameters import NOT_A_PARAMETER
 from helmet_sim_ros.schema import Config, leaves, quantity
 from helmet_sim_ros.study.scenario.matrix import Case, Scenario, load_scenario
@@ -111,8 +111,10 @@ class ScenarioNode(Node):
                 DiagnosticStatus, f"{name}/status", self._heard, STATUS_READER, callback_group=group
             )
         self._progress = self.create_publisher(String, "~/progress", LATCHED)
-        self.create_service(Trigger, "~/run", self._run, callback_group=group)
-        self.create_service(Trigger, "~/cancel", self._cancel, callback_group=group)
+        self.create_service(Trigger, "~/run", self._run, qos_profile=SERVICE, callback_group=group)
+        self.create_service(
+            Trigger, "~/cancel", self._cancel, qos_profile=SERVICE, callback_group=group
+        )
         self._tell(state="idle", case="", done=0, failed=0, cases=0)
 
     # services
