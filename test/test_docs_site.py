@@ -66,7 +66,7 @@ def test_the_reference_has_functions_commands_topics_and_parameters(site):
     def said(page):
         return re.sub(r"<[^>]+>", "", (site / page).read_text(encoding="utf-8"))
 
-    assert "Every sample of the impact, SI units" in said("api.html")
+    assert "Every sample, SI units" in said("api.html")
     assert "helmet-sim report" in said("commands.html") and "--standard" in said("commands.html")
     assert "impact/samples" in said("ros.html")
     assert "impact.normal_velocity" in said("interface.html")

@@ -130,7 +130,7 @@ def test_columns_without_a_shell_that_would_pass_a_thin_plate_are_refused() -> N
     bare = {"helmet.coupling": "foam", "helmet.shell.material.thickness": 0.0}
     with pytest.raises(SetupError, match=r"impact.surface = 'edge_anvil': is only 6 mm thick"):
         ImpactSetup(surface="edge_anvil", overrides=bare)
-    for surface in set(SHIPPED) - {"edge_anvil"}:
+    for surface in set(SHIPPED) - {"edge_anvil", "motorcycle"}:
         ImpactSetup(surface=surface, overrides=bare)
     told = Impact(ImpactSetup(rig="headform", surface="hemisphere", overrides=bare)).notes
     assert any("lets each column alone" in note for note in told)

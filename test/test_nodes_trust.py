@@ -223,7 +223,7 @@ def test_a_missing_evaluator_is_said_in_the_log_and_in_the_status(rig: Rig) -> N
     log = open_log(path)
     notes = {index.name: log._source.metadata(index) for index in log._source.metadata_index}
     assert "no evaluator" in notes[f"no_criteria/{impact_id}"]["reason"]
-    assert log.impacts[0].logged is None
+    assert next(i for i in log.impacts if i.impact_id == impact_id).logged is None
 
 
 def test_no_parameter_opens_a_file_that_the_operator_did_not_name(rig: Rig, tmp_path: Path) -> None:
