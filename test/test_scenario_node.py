@@ -260,8 +260,8 @@ def test_up_serves_impacts_and_scenarios_until_ctrl_c(start, tmp_path):
                 assert entry["value"] == pytest.approx(expected[name]["value"], rel=1e-9)
         assert Path(result["file"]).read_bytes()[-8:] == MAGIC
 
-    # a run beside these nodes would be mixed up with them
-    beside = start("run", "drops.yaml")
+    # a run beside these nodes would be mixed up with them; long enough to hear of them
+    beside = start("run", "long.yaml")
     output, _ = beside.communicate(timeout=60)
     assert beside.returncode == 1
     assert f"is up in ROS domain {DOMAIN}" in output
