@@ -98,7 +98,8 @@ def test_the_command_prints_a_table_and_how_to_repeat_a_case() -> None:
 
 def test_nothing_is_lost_of_running_nodes(tmp_path: Path) -> None:
     tally = run(ConcurrentClients(), SEED, range(2), tmp_path / "attack")
-    assert not tally.bad and sum(tally.counts.values()) == 2
+    assert not tally.bad, tally.bad
+    assert sum(tally.counts.values()) == 2
 
 
 def test_what_a_log_lacks_or_has_otherwise_is_a_loss(tmp_path: Path) -> None:

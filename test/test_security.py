@@ -64,7 +64,8 @@ def listening(pids: list[int]) -> dict[int, list[IPv4Address | IPv6Address]]:
     """Process -> the local addresses of its sockets that take something from outside."""
     owners = {}
     for pid in pids:
-        for descriptor in Path(f"/proc/{pid}/fd").iterdir():
+        folder = Path(f"/proc/{pid}/fd")
+        for descriptor in folder.iterdir() if folder.exists() else ():  # it may have ended
             try:
                 target = os.readlink(descriptor)
             except OSError:
@@ -113,12 +114,12 @@ def test_nothing_but_the_loopback_interface_is_listened_on(
     nodes = until(lambda: up(system))
     sweep = start("sweep", "study.yaml", "--workers", "2")
 
-    def working() -> list[int]:
+    def working() -> dict[int, list[IPv4Address | IPv6Address]]:
         assert sweep.poll() is None
-        pids = [sweep.pid, *family(sweep.pid)]
-        return pids if sum(map(bool, listening(pids).values())) >= 3 else []
+        told = listening([sweep.pid, *family(sweep.pid)])
+        return told if sum(map(bool, told.values())) >= 3 else {}
 
-    found = listening(nodes + until(working))
+    found = listening(nodes) | until(working)
     sockets = [local for addresses in found.values() for local in addresses]
     assert len(sockets) >= 4 * 3 + 3 and all(local.is_loopback for local in sockets), found
 
