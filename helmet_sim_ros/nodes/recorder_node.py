@@ -40,7 +40,7 @@ QUIET = 0.1
 PATIENCE = 3.0
 LONGEST = 60.0
 #: How long after its start this node may not yet know of an evaluator that runs [s].
-DISCOVERY = 3.0
+DISCOVERY = 10.0
 #: How long an impact waits for its criteria after the evaluator was last heard [s].
 CRITERIA_TIMEOUT = 30.0
 #: Criteria kept for impacts whose samples have not been written yet: more than the 5000 blocks that
