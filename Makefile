@@ -9,6 +9,8 @@ unexport PYTHONPATH PYTHONHOME AMENT_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_P
 unexport RMW_IMPLEMENTATION
 
 BIN := $(VENV)/bin
+# Files with the longest tests first, so that no core waits for the other at the end.
+LONGEST_FIRST := $(sort $(wildcard test/test_study_*.py)) test/test_colcon.py $(sort $(wildcard test/test_nodes_*.py))
 PACKAGING := setup.py setup.cfg pyproject.toml package.xml $(wildcard scripts/*_node)
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
@@ -18,7 +20,7 @@ demo: $(VENV)/.demo-ready
 	@$(BIN)/helmet-sim run oblique_table1
 
 test: $(VENV)/.test-ready
-	$(BIN)/python -m pytest -n 2 --dist loadfile
+	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder $(LONGEST_FIRST) test
 
 lint: $(VENV)/.test-ready
 	$(BIN)/ruff check .
