@@ -115,7 +115,7 @@ def key_times(driver: Any) -> list[float]:
     for _ in range(15):
         thumb.send_keys(Keys.ARROW_RIGHT)
         times.append(driver.execute_async_script(WAIT_FOR_RESULT) / 1e3)
-        time.sleep(0.5)
+        time.sleep(0.5)  # as a hand pauses: what is timed is one key, not the queue of several
     return times[2:]
 
 
@@ -136,7 +136,7 @@ def picture(page: Page, url: str, path: Path) -> None:
             "document.querySelectorAll('.mantine-Notification-closeButton').forEach(b => b.click())"
         )
         for attempt in range(10):
-            time.sleep(3.0)
+            time.sleep(3.0)  # the browser refuses pictures while it draws, and tells of no end
             try:
                 driver.save_screenshot(str(path))
                 return

@@ -157,7 +157,7 @@ def test_a_stale_computation_ends_as_soon_as_it_looks():
             except Stale:
                 looks.append(request)
                 raise
-            time.sleep(0.001)
+            time.sleep(0.001)  # stands for computing between two looks
         return request
 
     answers: list[int] = []
