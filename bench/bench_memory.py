@@ -17,7 +17,7 @@ import psutil
 
 from bench.campaign.running import Rig
 from helmet_sim_ros import ImpactSetup
-from helmet_sim_ros.nodes.scenario_node import parameter_values
+from helmet_sim_ros.nodes.setup_parameters import parameter_values
 
 NODES = ("simulation", "evaluator", "recorder")
 SETUP = ImpactSetup(rig="headform", duration=2e-3, time_step=1e-4)

@@ -169,5 +169,6 @@ def test_what_failed_is_said_in_words():
     failing = row()
     failing["evaluation"]["criteria"]["hic"]["verdict"] = "fail"
     failing["evaluation"]["messages"] = ["hic 4119 exceeds the limit", "peak_g is within"]
-    assert run_verb.failures(failing) == ["hic 4119 exceeds the limit"]
-    assert run_verb.failures(row(evaluation=None)) == []
+    ((name, evaluation),) = run_verb.judged([failing, row(status="failed", evaluation=None)])
+    assert name == "side vn5"
+    assert run_verb.failures(evaluation) == ["hic 4119 exceeds the limit"]

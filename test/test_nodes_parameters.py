@@ -24,11 +24,17 @@ from rclpy.signals import SignalHandlerOptions
 from helmet_sim_ros.errors import IncompleteError, SetupError
 from helmet_sim_ros.mcap_log.blocks import Block
 from helmet_sim_ros.mcap_log.digest import setup_digest
+from helmet_sim_ros.model.fall.setup import Fall, fall_leaves
 from helmet_sim_ros.model.helmet import Helmet, load_helmet
 from helmet_sim_ros.model.setup import ImpactSetup, setup_leaves
 from helmet_sim_ros.nodes import samples
 from helmet_sim_ros.nodes.parameters import NODE_OPTIONS, Parameters, config_paths
-from helmet_sim_ros.nodes.setup_parameters import NOT_A_PARAMETER, SimulationConfig, declare
+from helmet_sim_ros.nodes.setup_parameters import (
+    NOT_A_PARAMETER,
+    SimulationConfig,
+    declare,
+    parameter_values,
+)
 from helmet_sim_ros.schema import Leaf, leaves
 
 
@@ -48,7 +54,7 @@ class Simulation(Node):
         self.settings: Parameters[SimulationConfig] = declare(self, lambda: self.busy)
 
     @property
-    def setup(self) -> ImpactSetup:
+    def setup(self) -> ImpactSetup | Fall:
         return self.settings.value.setup
 
     def change(self, **values: Any) -> str:
@@ -75,8 +81,9 @@ def context() -> Iterator[None]:
 
 def test_every_value_of_a_setup_is_a_described_ranged_parameter() -> None:
     node = create()
-    expected = [*setup_leaves(), *leaves(Helmet, "helmet.")]
-    for leaf in expected:
+    longest = {leaf.name: leaf for leaf in fall_leaves()}["sim.duration"]
+    impact = [longest if leaf.name == longest.name else leaf for leaf in setup_leaves()]
+    for leaf in [*impact, *fall_leaves(), *leaves(Helmet, "helmet.")]:
         if leaf.name == NOT_A_PARAMETER:
             continue
         descriptor = node.describe_parameter(leaf.name)
@@ -85,6 +92,26 @@ def test_every_value_of_a_setup_is_a_described_ranged_parameter() -> None:
             (allowed,) = descriptor.floating_point_range
             assert (allowed.from_value, allowed.to_value) == (leaf.minimum, leaf.maximum)
     assert node.setup == ImpactSetup()
+
+
+def test_the_kind_says_what_the_parameters_describe_and_nothing_else_has_an_effect() -> None:
+    node = create()
+    assert node.change(impact__direction="back", sim__duration=0.03) == ""
+    assert "fall.speed = 12.0: has no effect" in node.change(fall__speed=12.0)
+    assert "must be a number from 0.001 to 2" in node.change(sim__duration=3.0)
+    assert node.change(sim__kind="fall", fall__speed=12.0, helmet__mass=1.2) == ""
+    assert node.setup == Fall(speed=12.0, overrides={"helmet.mass": 1.2})
+    assert node.get_parameter("impact.direction").value == "left"
+    assert "impact.direction = 'back': has no effect" in node.change(impact__direction="back")
+    assert "fall.scene" in node.change(fall__scene="nowhere")
+    assert node.change(sim__duration=3.0) == ""
+    assert node.setup == Fall(speed=12.0, duration=3.0, overrides={"helmet.mass": 1.2})
+    wall = Fall(preset="bicycle", scene="wall", helmet="none", bracing="arms", x=-3.0)
+    values = {key.replace(".", "__"): v for key, v in parameter_values(wall).items()}
+    assert node.change(**values) == ""
+    assert setup_digest(node.setup.described()) == setup_digest(wall.described())
+    assert node.change(sim__kind="impact") == ""
+    assert node.setup == ImpactSetup(helmet="none", head=node.setup.head)
 
 
 @pytest.mark.parametrize(

@@ -29,7 +29,7 @@ from helmet_sim_ros.mcap_log.recover import recover
 from helmet_sim_ros.model.impact import simulate
 from helmet_sim_ros.model.setup import ImpactSetup, setup_from_names
 from helmet_sim_ros.nodes.diagnostics import to_evaluation
-from helmet_sim_ros.nodes.scenario_node import parameter_values
+from helmet_sim_ros.nodes.setup_parameters import parameter_values
 
 SETUP = ImpactSetup(duration=0.01, direction="front", tangential_velocity=4.0)
 SCENARIO = "common: {impact.direction: front}\n"

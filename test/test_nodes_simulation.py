@@ -31,7 +31,7 @@ from helmet_sim_ros.model.setup import ImpactSetup
 from helmet_sim_ros.nodes import samples
 from helmet_sim_ros.nodes.diagnostics import to_evaluation
 from helmet_sim_ros.nodes.qos import LIVE, SAMPLES_READER, SAMPLES_WRITER
-from helmet_sim_ros.nodes.scenario_node import parameter_values
+from helmet_sim_ros.nodes.setup_parameters import parameter_values
 
 #: Every parameter of the simulation: a short headform drop, as fast as possible.
 QUICK = parameter_values(ImpactSetup(rig="headform", duration=0.02)) | {

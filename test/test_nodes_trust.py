@@ -26,7 +26,7 @@ from helmet_sim_ros.mcap_log.criteria import digest_of
 from helmet_sim_ros.mcap_log.digest import setup_digest
 from helmet_sim_ros.model.setup import ImpactSetup
 from helmet_sim_ros.nodes.qos import SERVICE
-from helmet_sim_ros.nodes.scenario_node import parameter_values
+from helmet_sim_ros.nodes.setup_parameters import parameter_values
 from helmet_sim_ros.resources import find_config
 from helmet_sim_ros.study import load_scenario
 

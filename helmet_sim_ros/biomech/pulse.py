@@ -118,11 +118,11 @@ def real_number(name: str, value: float) -> float:
     return number
 
 
-def uniform_time_step(time: ArrayLike, name: str = "time") -> float:
-    """The sampling interval [s] of time stamps, shape (n,) [s].
+def increasing_time(time: ArrayLike, name: str = "time") -> FloatArray:
+    """Time stamps as they are, shape (n,) [s].
 
     Raises:
-        PulseError: fewer than two stamps, not finite, not increasing, or not uniform.
+        PulseError: fewer than two stamps, not finite, or not increasing.
     """
     stamps = finite_array(name, time)
     steps = stamps[1:] - stamps[:-1]
@@ -130,6 +130,17 @@ def uniform_time_step(time: ArrayLike, name: str = "time") -> float:
         row = int(np.argmax(steps <= 0.0)) + 1
         raise PulseError(f"{name}: must increase, but sample {row} is at {stamps[row]:.9g} s "
                          f"after {stamps[row - 1]:.9g} s")  # fmt: skip
+    return stamps
+
+
+def uniform_time_step(time: ArrayLike, name: str = "time") -> float:
+    """The sampling interval [s] of time stamps, shape (n,) [s].
+
+    Raises:
+        PulseError: fewer than two stamps, not finite, not increasing, or not uniform.
+    """
+    stamps = increasing_time(time, name)
+    steps = stamps[1:] - stamps[:-1]
     mean = float(stamps[-1] - stamps[0]) / (len(stamps) - 1)
     worst = int(np.argmax(np.abs(steps - mean)))
     if abs(steps[worst] - mean) > TIME_JITTER * mean:

@@ -21,6 +21,9 @@ HORIZONTAL = np.array([1.0, 1.0, 0.0])  # what of a force is friction on flat gr
 #: Name in the extras of a record whose samples are not uniform: first and last (exclusive) sample
 #: of each stretch at ``sim.time_step``.
 DENSE = "dense"
+#: Name, in the extras of a fall's record, of the displacement of a spring helmet's shell in its
+#: coupling: helmet axes, (n, 3) [m].
+SHELL = "shell_displacement"
 #: Channels every record carries: name -> (component labels, unit).
 CHANNELS: Mapping[str, tuple[tuple[str, ...], str]] = {
     "head_acceleration": (("x", "y", "z"), "m/s^2"),
@@ -42,6 +45,9 @@ CHANNELS: Mapping[str, tuple[tuple[str, ...], str]] = {
     "neck_torque": (("x", "y", "z"), "N m"),
 }
 
+#: What some records hold in their extras with a row per sample: name -> (component labels, unit).
+SAMPLED: Mapping[str, tuple[tuple[str, ...], str]] = {SHELL: (("x", "y", "z"), "m")}
+
 
 @dataclass(frozen=True, repr=False)
 class ImpactRecord:
@@ -51,7 +57,8 @@ class ImpactRecord:
     gravity, x forward, y left, z up.
 
     Attributes:
-        time: shape (n,) [s], uniform, 0 at the first touch of the ground.
+        time: shape (n,) [s], uniform, 0 at the first touch of the ground; of a fall from its start
+            on and at steps that follow what happens, see ``DENSE``.
         head_acceleration: inertial acceleration of the head's centre of gravity, world axes,
             shape (n, 3) [m/s^2]. At rest it is 0, in free fall -g.
         head_angular_acceleration: world axes, (n, 3) [rad/s^2].
@@ -162,6 +169,20 @@ class ImpactRecord:
     def __len__(self) -> int:
         return len(self.time)
 
+    @property
+    def labels(self) -> list[str]:
+        """The columns of :func:`to_block` for this record."""
+        return block_labels(self.joint_names, self._sampled)
+
+    @property
+    def units(self) -> list[str]:
+        """The unit of each of them."""
+        return block_units(self.joint_names, self._sampled)
+
+    @property
+    def _sampled(self) -> tuple[str, ...]:
+        return tuple(name for name in SAMPLED if name in self.extras)
+
     def frame(self) -> pd.DataFrame:
         """The samples as a pandas table, one column per component, the index is time [s].
 
@@ -198,6 +219,11 @@ class ImpactRecord:
         return record_html(self)
 
 
+def is_fall(setup: Mapping[str, Any]) -> bool:
+    """Whether dotted names describe a fall, not an impact."""
+    return any(name.startswith("fall.") for name in setup)
+
+
 def _same_side(turns: FloatArray) -> FloatArray:
     """Quaternions of the same rotations, (n, 4), each on the side of the one before."""
     along = (turns[1:] * turns[:-1]).sum(axis=1)
@@ -206,14 +232,16 @@ def _same_side(turns: FloatArray) -> FloatArray:
     return chained
 
 
-def block_labels(joint_names: tuple[str, ...]) -> list[str]:
+def block_labels(joint_names: tuple[str, ...], sampled: tuple[str, ...] = ()) -> list[str]:
     """Column names of :func:`to_block`: ``time``, ``head_acceleration.x``, ...,
-    ``joint_position.NAME``, ``joint_velocity.NAME``."""
+    ``joint_position.NAME``, ``joint_velocity.NAME``; and those of ``sampled`` extras."""
     labels = ["time"]
     for name, (components, _) in CHANNELS.items():
         labels += [f"{name}.{component}" for component in components]
     labels += [f"joint_position.{joint}" for joint in joint_names]
     labels += [f"joint_velocity.{joint}" for joint in joint_names]
+    for name in sampled:
+        labels += [f"{name}.{component}" for component in SAMPLED[name][0]]
     return labels
 
 
@@ -221,20 +249,24 @@ def block_labels(joint_names: tuple[str, ...]) -> list[str]:
 SLIDING_JOINTS = frozenset({"neck_axial"})
 
 
-def block_units(joint_names: tuple[str, ...]) -> list[str]:
+def block_units(joint_names: tuple[str, ...], sampled: tuple[str, ...] = ()) -> list[str]:
     """The unit of each column of :func:`to_block`."""
     units = ["s"]
     for components, unit in CHANNELS.values():
         units += [unit] * len(components)
     angles = ["m" if joint in SLIDING_JOINTS else "rad" for joint in joint_names]
-    return units + angles + [f"{unit}/s" for unit in angles]
+    units += angles + [f"{unit}/s" for unit in angles]
+    for name in sampled:
+        units += [SAMPLED[name][1]] * len(SAMPLED[name][0])
+    return units
 
 
 def to_block(record: ImpactRecord) -> FloatArray:
-    """All samples as one array, shape (n, len(block_labels)), exact."""
+    """All samples as one array, shape (n, len(record.labels)), exact."""
     columns = [record.time[:, None]]
     columns += [getattr(record, name) for name in CHANNELS]
     columns += [record.joint_positions, record.joint_velocities]
+    columns += [np.asarray(record.extras[name]) for name in SAMPLED if name in record.extras]
     return np.hstack(columns)
 
 
@@ -252,24 +284,34 @@ def from_block(
     if block.ndim != 2 or block.shape[1] != len(labels):
         raise PulseError(f"samples: shape {block.shape}, expected (n, {len(labels)})")
     column = {label: i for i, label in enumerate(labels)}
+
+    def read(*names: str) -> FloatArray:
+        # In C order, as a simulation has them: sums of the same samples have the same bits.
+        return np.ascontiguousarray(block[:, [column[name] for name in names]])
+
     arrays: dict[str, FloatArray] = {}
     try:
         arrays["time"] = block[:, column["time"]]
         for name, (components, _) in CHANNELS.items():
             if name == "ground_friction" and "ground_friction.x" not in column:
                 continue
-            arrays[name] = block[:, [column[f"{name}.{c}"] for c in components]]
+            arrays[name] = read(*(f"{name}.{c}" for c in components))
         prefix = "joint_position."
         joints = tuple(label[len(prefix) :] for label in labels if label.startswith(prefix))
-        arrays["joint_positions"] = block[:, [column[f"joint_position.{j}"] for j in joints]]
-        arrays["joint_velocities"] = block[:, [column[f"joint_velocity.{j}"] for j in joints]]
+        arrays["joint_positions"] = read(*(f"joint_position.{j}" for j in joints))
+        arrays["joint_velocities"] = read(*(f"joint_velocity.{j}" for j in joints))
+        sampled = {
+            name: read(*(f"{name}.{c}" for c in components))
+            for name, (components, _) in SAMPLED.items()
+            if f"{name}.{components[0]}" in column
+        }
     except KeyError as missing:
         raise PulseError(f"samples: no column {missing}") from None
     return ImpactRecord(
         **arrays,
         joint_names=joints,
         setup=dict(setup or {}),
-        extras=dict(extras or {}),
+        extras=dict(extras or {}) | sampled,
     )
 
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rich import box
@@ -13,20 +14,23 @@ from rich.table import Table
 from rich.text import Text
 
 from helmet_sim_ros.cli._progress import shown_progress
+from helmet_sim_ros.cli._table import VERDICT_STYLE
 from helmet_sim_ros.errors import DivergedError, StudyError
+from helmet_sim_ros.mcap_log.strikes import NOTHING
 from helmet_sim_ros.model.fall.setup import Fall
-from helmet_sim_ros.model.fall.strikes import Strike, head_strikes
+from helmet_sim_ros.model.fall.strikes import HeadStrikes, Strike, head_strikes
 from helmet_sim_ros.model.impact import simulate
 from helmet_sim_ros.model.setup import ImpactSetup
 from helmet_sim_ros.report.falls.tables import FallResult
 
 #: Slower strikes are left out of the log of strikes [m/s into what is struck]; a choice.
 LOGGED = 0.5
-NOTHING = "no head contact"
+#: Criteria in the table.
+SHOWN = ("peak_g", "hic", "bric", "peak_angular_acceleration")
 #: Columns behind the name, and whether they stand on the right.
 HEADERS = (
     ("t [s]", True), ("struck", False), ("into", True), ("along", True), ("body", True),
-    ("on", False), ("g", True), ("HIC", True), ("BrIC", True), ("a", True),
+    ("on", False), ("g", True), ("HIC", True), ("BrIC", True), ("a", True), ("", False),
 )  # fmt: skip
 AFTER_PEAK, LEAST = 0.020, 0.040  # s, that are logged after the peak, and at least; choices
 
@@ -48,8 +52,32 @@ def run_falls(
     return results, failed
 
 
-def strikes_table(results: Sequence[FallResult]) -> Table:
-    """One line per head strike; a fall without one has a line that says so."""
+Row = Mapping[str, Any]
+
+
+def strike_rows(strikes: Sequence[Row]) -> list[Row]:
+    """Rows of :func:`strikes_table` from strikes as the evaluator gives them."""
+    return [
+        {**strike, "verdict": strike["evaluation"]["verdict"]}
+        | {name: entry["value"] for name, entry in strike["evaluation"]["criteria"].items()}
+        for strike in strikes
+    ]
+
+
+def rows_of(strikes: HeadStrikes) -> list[Row]:
+    """Rows of :func:`strikes_table`."""
+    return [
+        {**row, "verdict": strike.evaluation.verdict}
+        for row, strike in zip(strikes.rows(SHOWN), strikes, strict=True)
+    ]
+
+
+def strikes_table(falls: Sequence[tuple[str, Sequence[Row]]]) -> Table:
+    """One line per head strike; a fall without one has a line that says so.
+
+    Args:
+        falls: name of each, and its strikes: see :func:`rows_of`.
+    """
     table = Table(
         title="Head strikes", box=box.SIMPLE_HEAD, title_justify="left", pad_edge=False,
         padding=(0, 1, 0, 0),
@@ -57,11 +85,11 @@ def strikes_table(results: Sequence[FallResult]) -> Table:
     table.add_column("fall")
     for header, right in HEADERS:
         table.add_column(Text(header), justify="right" if right else "left", no_wrap=True)
-    for result in results:
-        if not result.strikes:
-            table.add_row(Text(f"{result.name}: {NOTHING}"))
-        for number, strike in enumerate(result.strikes):
-            table.add_row(Text("" if number else result.name), *_cells(strike))
+    for name, strikes in falls:
+        if not strikes:
+            table.add_row(Text(f"{name}: {NOTHING}"))
+        for number, strike in enumerate(strikes):
+            table.add_row(Text("" if number else name), *_cells(strike))
     table.caption = Text(
         "into, along: m/s; body: trunk to the surface, head down, deg; a: krad/s^2"
     )
@@ -69,13 +97,13 @@ def strikes_table(results: Sequence[FallResult]) -> Table:
     return table
 
 
-def _cells(strike: Strike) -> list[str]:
-    found, place = strike.evaluation.criteria, strike.location
+def _cells(row: Row) -> list[str | Text]:
     return [
-        f"{strike.time:.3f}", strike.struck, f"{strike.normal_velocity:.1f}",
-        f"{strike.tangential_velocity:.1f}", f"{strike.body_angle_deg:.0f}", place.zone,
-        f"{found['peak_g'].value:.0f}", f"{found['hic'].value:.0f}", f"{found['bric'].value:.2f}",
-        f"{found['peak_angular_acceleration'].value * 1e-3:.1f}",
+        f"{row['time']:.3f}", str(row["struck"]), f"{row['normal_velocity']:.1f}",
+        f"{row['tangential_velocity']:.1f}", f"{row['body_angle_deg']:.0f}", str(row["zone"]),
+        f"{row['peak_g']:.0f}", f"{row['hic']:.0f}", f"{row['bric']:.2f}",
+        f"{row['peak_angular_acceleration'] * 1e-3:.1f}",
+        Text(row["verdict"], style=VERDICT_STYLE.get(row["verdict"], "")),
     ]  # fmt: skip
 
 

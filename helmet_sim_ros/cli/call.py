@@ -75,6 +75,7 @@ def impact(
     own = {leaf.name for leaf in setup_leaves()}
     # Refuse bad input before anyone is asked; what of sim.* is no part of a setup the node judges.
     setup_from_names({k: v for k, v in values.items() if not k.startswith("sim.") or k in own})
+    values["sim.kind"] = "impact"
 
     for key, value in ask_for_impact(values, namespace, timeout, domain_id).items():
         Console(highlight=False).print(f"{key}: {value}", soft_wrap=True)

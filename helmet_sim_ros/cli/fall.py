@@ -34,7 +34,7 @@ def command(
     Exit code 0: the fall was simulated, with or without head contact; 1: it failed; 2: bad input,
     nothing was computed.
     """
-    from helmet_sim_ros.cli._falls import run_falls, strikes_table, summary, write_results
+    from helmet_sim_ros.cli._falls import rows_of, run_falls, strikes_table, summary, write_results
     from helmet_sim_ros.model.fall.setup import fall_from_names
     from helmet_sim_ros.study.scenario.overrides import parse_overrides
 
@@ -49,7 +49,7 @@ def command(
     results, failed = run_falls([(name, fall)], console)
     for line in failed:
         console.print(line, style="red", markup=False)
-    console.print(strikes_table(results))
+    console.print(strikes_table([(r.name, rows_of(r.strikes)) for r in results]))
     console.print(summary(results), markup=False, soft_wrap=True)
     if output is not None:
         write_results(results, output, console)

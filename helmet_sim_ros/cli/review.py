@@ -18,7 +18,7 @@ from helmet_sim_ros.cli._table import SHORT as COLUMNS
 from helmet_sim_ros.cli._table import VERDICT_STYLE, criteria_table
 from helmet_sim_ros.mcap_log import ImpactLog
 from helmet_sim_ros.present.words import value_text
-from helmet_sim_ros.report.review.check import Reviewed, review
+from helmet_sim_ros.report.review.check import Reviewed, reviewed
 from helmet_sim_ros.report.review.summary import (
     FOLLOWING,
     LEADING,
@@ -53,7 +53,7 @@ def command(
     console = PlainConsole()
 
     def show(log: ImpactLog) -> int:
-        rows = [review(impact, standard) for impact in log]
+        rows = list(reviewed(log, standard))
         if as_json:
             click.echo(json.dumps(_plain(log, rows)))
         else:

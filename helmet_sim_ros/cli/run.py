@@ -6,7 +6,7 @@ import json
 import os
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,7 @@ from helmet_sim_ros.cli._processes import (
     start_nodes,
     termination_as_interrupt,
 )
-from helmet_sim_ros.errors import LogError, NodeError, SetupError
+from helmet_sim_ros.errors import LogError, NodeError
 from helmet_sim_ros.mcap_log.digest import setup_digest
 from helmet_sim_ros.mcap_log.writer import PART
 from helmet_sim_ros.model.fall.setup import Fall
@@ -31,7 +31,9 @@ from helmet_sim_ros.resources import is_path
 from helmet_sim_ros.study.scenario.matrix import Case, Scenario
 
 #: Values of a setup that name a file or something shipped.
-FILE_VALUES = ("helmet.name", "impact.surface", "head.surface", "head.form")
+FILE_VALUES = (
+    "helmet.name", "impact.surface", "head.surface", "head.form", "fall.preset", "fall.scene",
+)  # fmt: skip
 #: How long the nodes may take until they answer [s]; a loaded machine needs a few, and the very
 #: first start compiles.
 START_TIMEOUT = 180.0
@@ -68,10 +70,7 @@ def command(
 
     console = Console(highlight=False)
     plan = load_scenario(scenario, overrides=parse_overrides(overrides))
-    if plan.falls:
-        run_falls_of(plan, output, console)
-        return
-    console.print(f"[bold]{plan.name}[/bold]: {len(plan.cases)} impacts; starting the nodes")
+    console.print(f"[bold]{plan.name}[/bold]: {counted(plan)}; starting the nodes")
     check_writable(output)
     from helmet_sim_ros.biomech.standards import DEFAULT_STANDARD, load_standard  # slow to import
 
@@ -80,13 +79,15 @@ def command(
     prepare_environment(domain_id)
     # The nodes open no file because a client names it, except these.
     told = [case.setup.described() for case in plan.cases]
-    chosen = {values[name] for values in told for name in FILE_VALUES if values[name] is not None}
+    chosen = {values.get(name) for values in told for name in FILE_VALUES} - {None}
     files = filter(is_path, chosen)
     named = sorted(str(Path(name).expanduser().resolve()) for name in files)
     paths: dict[str, Any] = {"config_paths": named} if named else {}
+    kind = "fall" if isinstance(plan.cases[0].setup, Fall) else "impact"
     parameters: dict[str, dict[str, Any]] = {
-        "simulation": paths,
-        "evaluator": {"standard": standard or ""},
+        # The kind of the first case: its code is made ready while the node starts.
+        "simulation": paths | {"sim.kind": kind},
+        "evaluator": paths | {"standard": standard or ""},
         "recorder": paths | {"output_dir": str(output.resolve())},
         "scenario": {
             "scenario.file": str(plan.path.resolve()),
@@ -102,35 +103,17 @@ def command(
         check_asked(result, plan.cases)
         report(result, console, all_criteria, time.monotonic() - began)
         nodes.exit_code = 0 if result["complete"] else 1
+    if plan.falls:
+        write_strikes(result, output / plan.name, console)
     if not result["complete"]:
         raise SystemExit(1)
 
 
-def run_falls_of(plan: Scenario, output: Path, console: Console) -> None:
-    """Run a scenario of falls in this process, without nodes.
-
-    Raises:
-        SetupError: it holds impacts, too.
-        SystemExit: a fall failed.
-    """
-    from helmet_sim_ros.cli._falls import run_falls, strikes_table, summary, write_results
-
-    if len(plan.falls) != len(plan.cases):
-        raise SetupError.of(
-            "cases", len(plan.cases), f"must be all falls or all impacts; {len(plan.falls)} are "
-            "falls", str(plan.path),
-        )  # fmt: skip
-    cases = [(case.name, case.setup) for case in plan.cases if isinstance(case.setup, Fall)]
-    console.print(f"[bold]{plan.name}[/bold]: {len(cases)} falls")
-    check_writable(output)
-    results, failed = run_falls(cases, console)
-    for line in failed:
-        console.print(line, style="red", markup=False)
-    console.print(strikes_table(results))
-    console.print(summary(results), markup=False, soft_wrap=True)
-    write_results(results, output / plan.name, console, plan.name)
-    if failed:
-        raise SystemExit(1)
+def counted(plan: Scenario) -> str:
+    """How many impacts and falls there are, in words."""
+    falls = len(plan.falls)
+    counts = ((len(plan.cases) - falls, "impacts"), (falls, "falls"))
+    return " and ".join(f"{count} {what}" for count, what in counts if count)
 
 
 def run_scenario(nodes: Nodes, service: str, cases: int, console: Console) -> dict[str, Any]:
@@ -188,7 +171,7 @@ def check_asked(result: dict[str, Any], cases: Sequence[Case]) -> None:
         elif log and not any(Path(log + suffix).is_file() for suffix in ("", PART)):
             row["error"] = f"its log {log} was there and is gone"
         if row["error"]:
-            row |= {"status": "failed", "evaluation": None}
+            row |= {"status": "failed", "evaluation": None, "strikes": None}
     failed = any(row["status"] != "evaluated" for row in rows)
     result["complete"] = result["complete"] and not failed and not result["error"]
 
@@ -211,20 +194,26 @@ def check_alone(node: Any) -> None:
 
 
 def report(result: dict[str, Any], console: Console, all_criteria: bool, seconds: float) -> None:
-    """Print the table, what failed and why, and where the log is."""
+    """Print the tables, what failed and why, and where the log is."""
+    from helmet_sim_ros.cli._falls import strike_rows, strikes_table
     from helmet_sim_ros.cli._table import criteria_table, result_table
 
     rows = result["cases"]
-    console.print(result_table(rows, result["scenario"]))
+    falls = [row for row in rows if row.get("strikes") is not None]
+    impacts = [row for row in rows if row.get("strikes") is None]
+    if impacts:
+        console.print(result_table(impacts, result["scenario"]))
+    if falls:
+        console.print(strikes_table([(row["name"], strike_rows(row["strikes"])) for row in falls]))
     if any(row.get("reference") for row in rows):
         console.print(f"Published values: {result['reference']}", style="dim", markup=False)
     if all_criteria:
-        for row in rows:
-            if row["status"] == "evaluated":
-                console.print(criteria_table(row))
+        for name, evaluation in judged(rows):
+            console.print(criteria_table({"name": name, "evaluation": evaluation}))
     for row in rows:
-        for message in failures(row):
-            console.print(f"{row['name']}: {message}", style="yellow", markup=False, soft_wrap=True)
+        for name, evaluation in judged([row]):
+            for message in failures(evaluation):
+                console.print(f"{name}: {message}", style="yellow", markup=False, soft_wrap=True)
         if row["status"] != "evaluated":
             text = f"{row['name']}: {row['status']}: {row['error']}"
             console.print(text, style="red", markup=False, soft_wrap=True)
@@ -234,14 +223,42 @@ def report(result: dict[str, Any], console: Console, all_criteria: bool, seconds
     for path in filter(None, logs):
         console.print(f"log: {os.path.relpath(path)}", soft_wrap=True)
     evaluated = sum(row["status"] == "evaluated" for row in rows)
-    console.print(f"{evaluated} of {len(rows)} impacts evaluated in {seconds:.1f} s")
+    what = "falls" if falls and not impacts else "cases" if falls else "impacts"
+    console.print(f"{evaluated} of {len(rows)} {what} evaluated in {seconds:.1f} s")
 
 
-def failures(row: Mapping[str, Any]) -> list[str]:
-    """What failed in a case and by how much, in plain language."""
-    evaluation = row["evaluation"] or {"criteria": {}, "messages": []}
+def judged(rows: Sequence[Mapping[str, Any]]) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """Name and evaluation of every impact, and of every head strike of falls."""
+    for row in rows:
+        if row["status"] != "evaluated":
+            continue
+        if row.get("strikes") is None:
+            yield row["name"], row["evaluation"]
+        for number, strike in enumerate(row.get("strikes") or (), 1):
+            yield f"{row['name']}, strike {number}", strike["evaluation"]
+
+
+def failures(evaluation: Mapping[str, Any]) -> list[str]:
+    """What failed and by how much, in plain language."""
     failed = sum(entry["verdict"] == "fail" for entry in evaluation["criteria"].values())
     return list(evaluation["messages"][:failed])  # failures stand first
+
+
+def write_strikes(result: Mapping[str, Any], folder: Path, console: Console) -> None:
+    """Write page, table and scenario of the head strikes in a log into a folder.
+
+    Raises:
+        LogError: the log cannot be read, or a file cannot be written.
+    """
+    from helmet_sim_ros.mcap_log import open_log
+    from helmet_sim_ros.report.falls.logged import results_of
+    from helmet_sim_ros.report.falls.page import write_falls
+
+    names = {row["impact_id"]: row["name"] for row in result["cases"]}
+    paths = dict.fromkeys(row["recorded"] for row in result["cases"] if row["recorded"])
+    found = [fall for path in paths for fall in results_of(open_log(path), names)]
+    for path in write_falls(found, folder, None):
+        console.print(os.path.relpath(path), soft_wrap=True, markup=False)
 
 
 def check_writable(folder: Path) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -29,8 +29,10 @@ from helmet_sim_ros.mcap_log.layout import (
     IMPACT,
     SAMPLES_TOPIC,
     SAMPLES_TYPE,
+    STRIKES_TOPIC,
 )
 from helmet_sim_ros.mcap_log.source import McapSource
+from helmet_sim_ros.mcap_log.strikes import JudgedStrike, strikes_of
 
 
 @dataclass(frozen=True, eq=False)  # equal only to itself: usable as a key
@@ -78,7 +80,7 @@ class ImpactIndex:
         self.entries = self._noted() if noted else self._found()
         if not self.entries:
             raise LogError(f"{self._path}: no samples of impacts in this log")
-        self._criteria: dict[str, Evaluation | LogError] = {}
+        self._results: dict[str, dict[str, Any]] = {CRITERIA_TOPIC: {}, STRIKES_TOPIC: {}}
 
     def _noted(self) -> list[Entry]:
         """The impacts of a log of the recorder: a metadata record follows each one's samples."""
@@ -179,30 +181,47 @@ class ImpactIndex:
             )
 
     def logged(self, entry: Entry) -> Evaluation | None:
-        """The criteria in the log; None if it has none for this impact.
+        """The criteria in the log; None if it has none for this impact, or if it is a fall.
 
         Raises:
             LogError: what was logged is no result, in words.
         """
-        if entry.impact_id not in self._criteria:
-            self._look_for_criteria(entry)
-        found = self._criteria.get(entry.impact_id)
+        found: Evaluation | None = self._result(entry, CRITERIA_TOPIC, evaluation_of)
+        return found
+
+    def strikes(self, entry: Entry) -> tuple[JudgedStrike, ...] | None:
+        """The head strikes in the log; None if it has none for this fall, or if it is an impact.
+
+        Raises:
+            LogError: what was logged is no result, in words.
+        """
+        found: tuple[JudgedStrike, ...] | None = self._result(entry, STRIKES_TOPIC, strikes_of)
+        return found
+
+    def _result(
+        self, entry: Entry, topic: str, parse: Callable[[Any], tuple[str, Any]]
+    ) -> Any | None:
+        known = self._results[topic]
+        if entry.impact_id not in known:
+            self._look_for(entry, topic, parse)
+        found = known.get(entry.impact_id)
         if isinstance(found, LogError):
             raise found
         return found
 
-    def _look_for_criteria(self, entry: Entry) -> None:
-        """Read criteria from the impact's samples on, until those of the impact were met."""
-        channels = self._decoder.channels(CRITERIA_TOPIC, CRITERIA_TYPE)
+    def _look_for(self, entry: Entry, topic: str, parse: Callable[[Any], tuple[str, Any]]) -> None:
+        """Read results from the impact's samples on, until those of the impact were met."""
+        known = self._results[topic]
+        channels = self._decoder.channels(topic, CRITERIA_TYPE)
         for message in self._source.messages(channels, entry.begin):
             array = self._decoder.decode(message.channel, message.data)
             impact_id = array.status[0].hardware_id if array.status else ""
-            if impact_id not in self._criteria:
+            if impact_id not in known:
                 try:
-                    self._criteria[impact_id] = evaluation_of(array)[1]
+                    known[impact_id] = parse(array)[1]
                 except LogError as error:
                     text = f"{self._path}: impact {impact_id}: {error}"
-                    self._criteria[impact_id] = LogError(text)
+                    known[impact_id] = LogError(text)
             if impact_id == entry.impact_id:
                 return
 

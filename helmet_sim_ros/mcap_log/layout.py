@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-#: Version of the format; a reader refuses logs of a later one. Since 2, metadata is sealed.
-FORMAT_VERSION = 2
+#: Version of the format; a reader refuses logs of a later one. Since 2, metadata is sealed; since
+#: 3, there may be falls, whose samples are not uniform, and their head strikes.
+FORMAT_VERSION = 3
 #: Key of the format in the metadata of each channel, which the checksum of the index covers.
 FORMAT_KEY = "log_format"
 
@@ -24,6 +25,8 @@ SAMPLES_TYPE = "std_msgs/msg/Float64MultiArray"
 #: Topic (in any namespace) and type of the criteria.
 CRITERIA_TOPIC = "/evaluation/criteria"
 CRITERIA_TYPE = "diagnostic_msgs/msg/DiagnosticArray"
+#: Topic (in any namespace) of the head strikes of falls; of the type of the criteria.
+STRIKES_TOPIC = "/evaluation/strikes"
 #: The hashes of the two types (REP-2016), the same in every ROS 2 from Foxy to Jazzy: a definition
 #: of the right name and with other fields is none that can be read.
 TYPE_HASHES = {

@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from helmet_sim_ros.biomech.evaluation import evaluate
-from helmet_sim_ros.biomech.record import ImpactRecord
+from helmet_sim_ros.biomech.record import ImpactRecord, is_fall
 from helmet_sim_ros.biomech.result import Evaluation
 from helmet_sim_ros.errors import LogError
 from helmet_sim_ros.mcap_log.index import Entry, ImpactIndex, clock_warnings, parsed_setup
 from helmet_sim_ros.mcap_log.layout import FORMAT_VERSION, IMPACT, RECOVERED, RUN
 from helmet_sim_ros.mcap_log.source import McapSource
+from helmet_sim_ros.mcap_log.strikes import JudgedStrike
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -24,7 +25,7 @@ _KEPT = 2
 
 
 class LoggedImpact:
-    """A complete impact of a log; samples and criteria are read when they are used.
+    """A complete impact or fall of a log; samples and criteria are read when they are used.
 
     Attributes:
         impact_id: unique over all impacts of all processes.
@@ -52,9 +53,14 @@ class LoggedImpact:
 
     @cached_property
     def setup(self) -> Mapping[str, Any]:
-        """The complete impact setup by dotted names."""
+        """The complete setup by dotted names, ``fall.*`` of a fall."""
         text = self._entry.notes.get("setup")
         return self.record.setup if text is None else parsed_setup(text, self._log.path)
+
+    @cached_property
+    def is_fall(self) -> bool:
+        """Whether it is a whole fall: ``head_strikes(record)`` finds what the head strikes."""
+        return is_fall(self.setup)
 
     @property
     def model(self) -> str | None:
@@ -95,7 +101,8 @@ class LoggedImpact:
 
     @cached_property
     def logged(self) -> Evaluation | None:
-        """The criteria as they were logged; None if the log has none for this impact.
+        """The criteria as they were logged; None if the log has none for this impact, or if it is a
+        fall: see :attr:`strikes`.
 
         Raises:
             LogError: what was logged is no result, in words.
@@ -103,8 +110,19 @@ class LoggedImpact:
         return self._log._index.logged(self._entry)
 
     @cached_property
+    def strikes(self) -> tuple[JudgedStrike, ...] | None:
+        """The head strikes of a fall as they were logged, none without head contact; None if the
+        log has none for this fall, or if it is an impact.
+
+        Raises:
+            LogError: what was logged is no result, in words.
+        """
+        return self._log._index.strikes(self._entry)
+
+    @cached_property
     def evaluation(self) -> Evaluation:
-        """The criteria: as logged, or computed from the samples where none were logged."""
+        """The criteria: as logged, or computed from the samples where none were logged; of a fall
+        those of all its samples as one pulse."""
         return self.evaluate() if self.logged is None else self.logged
 
     def evaluate(self, standard: str | None = None) -> Evaluation:

@@ -26,6 +26,7 @@ from helmet_sim_ros.mcap_log.layout import (
     RUN,
     SAMPLES_TOPIC,
     SAMPLES_TYPE,
+    STRIKES_TOPIC,
 )
 from helmet_sim_ros.mcap_log.records import BROKEN, check_magic, unreadable
 from helmet_sim_ros.mcap_log.salvage import Salvage
@@ -96,7 +97,7 @@ class _Plan:
         attached, described: names of the sound attachments and metadata records.
         sealed: whether its metadata has seals.
         recorded: whether the recorder wrote this file, so that impacts have metadata records.
-        samples, criteria: ids of their channels.
+        samples, criteria: ids of their channels; criteria with those of head strikes.
         lost: what is lost, in words.
     """
 
@@ -133,7 +134,8 @@ def _plan(stream: IO[bytes], path: Path) -> _Plan:
         elif isinstance(record, Channel):
             known.channels[record.id] = record
             plan.samples = set(decoder.channels(SAMPLES_TOPIC, SAMPLES_TYPE))
-            plan.criteria = set(decoder.channels(CRITERIA_TOPIC, CRITERIA_TYPE))
+            topics = (CRITERIA_TOPIC, STRIKES_TOPIC)
+            plan.criteria = {c for name in topics for c in decoder.channels(name, CRITERIA_TYPE)}
             plan.sealed |= FORMAT_KEY in record.metadata
         elif isinstance(record, Attachment):
             plan.attached.add(record.name)
@@ -294,7 +296,7 @@ class _Copier:
             if block.first == 0:
                 self._first = block
             if self._plan.complete.get(block.impact_id) == number:
-                self._note(block.impact_id)
+                self._note(block)
 
     def _copy_metadata(self, record: Metadata, keep: bool) -> None:
         """Copy what is not about a complete impact: that is written behind its samples."""
@@ -310,8 +312,10 @@ class _Copier:
                 }
         self.add_metadata(record.name, values)
 
-    def _note(self, impact: str) -> None:
-        """Write the metadata of a complete impact: its own, or made from its samples."""
+    def _note(self, last: Block) -> None:
+        """Write the metadata of an impact that this block completes: its own, or made from its
+        samples."""
+        impact = last.impact_id
         first, values = self._first, self._plan.notes.get(impact)
         if first is None or first.impact_id != impact:
             return  # cannot be: the record that completes it follows its first block
@@ -320,7 +324,7 @@ class _Copier:
                 return
             values = {
                 "start_time": repr(first.start_time),
-                "samples": str(first.total),
+                "samples": str(last.first + len(last.data)),
                 "complete": "true",
                 "problem": "",
                 "setup": json.dumps(first.setup),

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from helmet_sim_ros.biomech.record import FloatArray, ImpactRecord
+from helmet_sim_ros.biomech.record import FloatArray, ImpactRecord, is_fall
+from helmet_sim_ros.biomech.rotation import matrices
 
 #: Length of an arrow per force [m/N]: 10 kN are half a metre.
 LENGTH_PER_FORCE = 5e-5
@@ -58,9 +59,10 @@ def force_arrows(record: ImpactRecord, index: int) -> tuple[Arrow, Arrow]:
 def point_of_attack(record: ImpactRecord, index: int) -> FloatArray:
     """The point where the surface's force acts, world axes, shape (3,) [m].
 
-    Where its line of action meets the plane through the world's origin, at which the helmet
-    touches first, normal to the contact: with force F, moment M about the origin and normal n,
-    n x M / (n . F).
+    Where its line of action meets the plane of the contact: with force F, moment M about the world
+    origin, normal n and a point q of the plane, q + n x (M - q x F) / (n . F). An impact begins at
+    the world's origin; in a fall, or where one is struck again, q is the point of the undeformed
+    shell that lies deepest.
     Without contact, the point of the ground below the helmet.
     """
     force, moment = record.ground_force[index], record.ground_torque[index]
@@ -69,5 +71,21 @@ def point_of_attack(record: ImpactRecord, index: int) -> FloatArray:
     if pressed < SMALLEST_FORCE:
         return np.array([*record.helmet_position[index][:2], 0.0])
     normal = normal / pressed
-    point: FloatArray = np.cross(normal, moment) / (normal @ force)
+    if not is_fall(record.setup) and record.setup.get("impact.state") is None:
+        first: FloatArray = np.cross(normal, moment) / (normal @ force)
+        return first
+    deepest = _deepest(record, index, normal)
+    moment = moment - np.cross(deepest, force)
+    point: FloatArray = deepest + np.cross(normal, moment) / (normal @ force)
+    return point
+
+
+def _deepest(record: ImpactRecord, index: int, normal: FloatArray) -> FloatArray:
+    """The point of the shell's ellipsoid farthest against a normal, world axes, (3,) [m]."""
+    axes = np.array(record.setup["helmet.shell.semi_axes"], dtype=float)
+    center = np.array(record.setup["helmet.shell.center"], dtype=float)
+    turn = matrices(record.helmet_orientation[index : index + 1])[0]
+    inwards = axes * (turn.T @ -normal)
+    reach = axes * inwards / float(np.linalg.norm(inwards))
+    point: FloatArray = record.helmet_position[index] + turn @ (center + reach)
     return point

@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 
 from helmet_sim_ros.biomech.record import (
+    SHELL,
     FloatArray,
     ImpactRecord,
     block_labels,
@@ -46,10 +47,6 @@ from helmet_sim_ros.model.setup import ImpactSetup
 from helmet_sim_ros.model.state import read_state
 from helmet_sim_ros.model.watch import most_energy, overloaded
 from helmet_sim_ros.model.world import build
-
-#: Name, in the extras of a fall's record, of the displacement of a spring helmet's shell in its
-#: coupling: helmet axes, (n, 3) [m].
-SHELL = "shell_displacement"
 
 
 def simulate(setup: ImpactSetup | Fall, crush: FloatArray | None = None) -> ImpactRecord:
@@ -112,7 +109,8 @@ class Impact:
         self.neck = parts.neck
         self._model, self._data, self._spec = parts.model, data, parts.spec
         self._layout = layout = parts.layout
-        self.labels = block_labels(layout.joints)
+        self._tells_shell = isinstance(setup, Fall) and layout.slide >= 0
+        self.labels = block_labels(layout.joints, (SHELL,) if self._tells_shell else ())
         columns, shapes = parts.columns, len(world.surface.kind)
         count = len(columns.area)
         largest = np.zeros(count) if crush is None else np.array(crush, dtype=float)
@@ -167,6 +165,16 @@ class Impact:
         """Number of finished samples."""
         return self._done
 
+    @property
+    def is_over(self) -> bool:
+        """Whether every sample is finished."""
+        return self._done == self.total
+
+    @property
+    def time(self) -> float:
+        """Of the last finished sample [s]; 0 before the first."""
+        return float(self._time[self._done - 1]) if self._done else 0.0
+
     def advance(self, samples: int) -> int:
         """Step until up to ``samples`` more samples are finished.
 
@@ -218,7 +226,7 @@ class Impact:
         """Finished samples ``first`` to ``last`` (exclusive), shape (last - first, len(labels))."""
         if not 0 <= first <= last <= self._done:
             raise IndexError(f"samples {first} to {last} of {self._done} finished")
-        return to_block(self._slice(first, last, {}))
+        return to_block(self._slice(first, last, self._sampled(first, last)))
 
     def record(self) -> ImpactRecord:
         """All finished samples."""
@@ -291,9 +299,7 @@ class Impact:
         suffered = overload(self.neck, self._rows.qpos[: self._done])
         suffered += overloaded(self.helmet, self._forces, self._rows, self._done, self._layout)
         extras: dict[str, Any] = {"notes": [*self.notes, *suffered]}
-        if isinstance(self.setup, Fall) and self._layout.slide >= 0:
-            slide = self._layout.slide
-            extras[SHELL] = self._rows.qpos[: self._done, slide : slide + 3].copy()
+        extras |= self._sampled(0, self._done)
         liner = self._forces.liner
         if len(liner.largest):
             strains = residual_strains(liner.largest, liner.columns.foam)
@@ -310,6 +316,13 @@ class Impact:
                 "column_thickness": columns.thickness.copy(),
             }
         return extras
+
+    def _sampled(self, first: int, last: int) -> dict[str, FloatArray]:
+        """What stands in the extras of a fall's record with a row per sample."""
+        if not self._tells_shell:
+            return {}
+        slide = self._layout.slide
+        return {SHELL: self._rows.qpos[first:last, slide : slide + 3].copy()}
 
 
 def _part(loads: FloatArray, start: int) -> FloatArray:

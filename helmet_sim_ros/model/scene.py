@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from helmet_sim_ros.biomech.record import FloatArray, ImpactRecord
+from helmet_sim_ros.model.fall.setup import Fall
 from helmet_sim_ros.model.placement import place_head
 from helmet_sim_ros.model.rider.neck import named_today
 from helmet_sim_ros.model.setup import ImpactSetup
@@ -42,12 +43,12 @@ class Scene:
     """The shapes of one setup, posed from a record (live, or read from a log).
 
     Attributes:
-        setup: the impact setup.
+        setup: the impact setup, or the fall.
         shapes: what to draw of rider and helmet; the surface is ``setup.surface_config``.
         model, data: MuJoCo's, posed by :meth:`pose`; for renderers.
     """
 
-    def __init__(self, setup: ImpactSetup) -> None:
+    def __init__(self, setup: ImpactSetup | Fall) -> None:
         self.setup = setup
         world = build(setup, setup.helmet_config)
         self.model, self.data = world.parts.model, world.data

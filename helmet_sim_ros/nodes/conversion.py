@@ -106,7 +106,8 @@ def _imu_values(record: ImpactRecord) -> FloatArray:
     Specific force is the inertial acceleration less gravity: +g upwards at rest, 0 in free fall.
     """
     into_head = Rotation.from_quat(record.head_orientation).inv()
-    gravity = np.array([0.0, 0.0, -float(record.setup["impact.gravity"])])
+    amount = record.setup.get("impact.gravity", record.setup.get("fall.gravity"))
+    gravity = np.array([0.0, 0.0, -float(amount)])
     return np.hstack(
         [
             into_head.apply(record.head_acceleration - gravity),

@@ -1,4 +1,4 @@
-"""The evaluator node: complete sample blocks in, criteria out."""
+"""The evaluator node: complete sample blocks in, criteria and head strikes out."""
 
 from __future__ import annotations
 
@@ -13,10 +13,12 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
 from helmet_sim_ros.biomech.evaluation import Evaluation, evaluate
+from helmet_sim_ros.biomech.record import ImpactRecord, is_fall
 from helmet_sim_ros.biomech.standards import DEFAULT_STANDARD, load_standard
 from helmet_sim_ros.errors import HelmetSimError, IncompleteError, NodeError
 from helmet_sim_ros.mcap_log.blocks import Assembled, Assembler
 from helmet_sim_ros.mcap_log.digest import SETUP_DIGEST, setup_digest
+from helmet_sim_ros.mcap_log.strikes import JudgedStrike
 from helmet_sim_ros.nodes import diagnostics, samples
 from helmet_sim_ros.nodes.conversion import nanoseconds
 from helmet_sim_ros.nodes.outgoing import Outgoing
@@ -26,6 +28,7 @@ from helmet_sim_ros.nodes.qos import CRITERIA, CRITERIA_IN_FLIGHT, SAMPLES_READE
 from helmet_sim_ros.schema import Config, leaves
 
 TOPIC = "evaluation/criteria"
+STRIKES = "evaluation/strikes"
 
 #: How often the node looks whether the sender of an unfinished impact is still there [s].
 WATCH_PERIOD = 0.5
@@ -42,15 +45,20 @@ class EvaluatorConfig(Config):
 
 
 class EvaluatorNode(Node):
-    """Publishes ``evaluation/criteria`` for every impact, and why, where there are none."""
+    """Publishes ``evaluation/criteria`` for every impact and ``evaluation/strikes`` for every fall,
+    and why, where there are none."""
 
     def __init__(self) -> None:
         super().__init__("evaluator", **NODE_OPTIONS)
         self._settings = Parameters(self, leaves(EvaluatorConfig), _configuration)
         self._assembler = Assembler()
         self._last: dict[str, Any] | None = None
-        publisher = self.create_publisher(DiagnosticArray, TOPIC, CRITERIA)
-        self._outgoing = Outgoing(self, publisher, CRITERIA_IN_FLIGHT)
+        self._outgoing = {
+            topic: Outgoing(
+                self, self.create_publisher(DiagnosticArray, topic, CRITERIA), CRITERIA_IN_FLIGHT
+            )
+            for topic in (TOPIC, STRIKES)
+        }
         self.create_service(Trigger, "~/last_result", self._last_result, qos_profile=SERVICE)
         # A group of its own: no block is looked at while criteria wait for their readers.
         self.create_subscription(
@@ -76,10 +84,12 @@ class EvaluatorNode(Node):
     async def _judge(self, impact: Assembled) -> None:
         end = 0.0 if impact.record is None else float(impact.record.time[-1])
         time_ns = nanoseconds(impact.start_time, end)
-        result, problem = self._evaluated(impact)
+        result, strikes, problem = self._evaluated(impact)
         digest = _digest(impact)
         if result is not None:
             array = diagnostics.from_evaluation(result, impact.impact_id, time_ns, digest)
+        elif strikes is not None:
+            array = diagnostics.from_strikes(strikes, impact.impact_id, time_ns, digest)
         else:
             self.get_logger().warning(problem)
             array = diagnostics.from_problem(problem, impact.impact_id, time_ns)
@@ -89,18 +99,25 @@ class EvaluatorNode(Node):
             "start_time": impact.start_time,
             "problem": problem,
             "evaluation": result.as_dict() if result else None,
+            "strikes": None if strikes is None else [strike.as_dict() for strike in strikes],
         }
-        await self._outgoing.send(array)
+        await self._outgoing[STRIKES if is_fall(impact.setup) else TOPIC].send(array)
 
-    def _evaluated(self, impact: Assembled) -> tuple[Evaluation | None, str]:
+    def _evaluated(
+        self, impact: Assembled
+    ) -> tuple[Evaluation | None, list[JudgedStrike] | None, str]:
+        """Criteria of an impact, or head strikes of a fall, or why there are none."""
         if impact.record is None:
-            return None, impact.problem
+            return None, None, impact.problem
+        standard = self._settings.value.standard or None
         try:
-            return evaluate(impact.record, self._settings.value.standard or None), ""
+            if is_fall(impact.setup):
+                return None, judged_strikes(impact.record, standard), ""
+            return evaluate(impact.record, standard), None, ""
         except HelmetSimError as error:
-            return None, f"failed: {error}"
+            return None, None, f"failed: {error}"
         except Exception as error:
-            return None, f"failed: unexpected {type(error).__name__}: {error}"
+            return None, None, f"failed: unexpected {type(error).__name__}: {error}"
 
     @answering
     def _last_result(self, request: Any) -> str:
@@ -110,6 +127,23 @@ class EvaluatorNode(Node):
         if self._last["problem"]:
             raise NodeError(text)
         return text
+
+
+def judged_strikes(record: ImpactRecord, standard: str | None = None) -> list[JudgedStrike]:
+    """The head strikes of a fall, each judged by a standard over its own window.
+
+    Raises:
+        SetupError, PulseError: see :func:`head_strikes` and :func:`evaluate`.
+    """
+    from helmet_sim_ros.model.fall.strikes import head_strikes  # loads what only falls need
+
+    found = head_strikes(record)
+    return [
+        JudgedStrike(
+            row, strike.evaluation if standard is None else evaluate(strike.record, standard)
+        )
+        for row, strike in zip(found.rows(), found, strict=True)
+    ]
 
 
 def _digest(impact: Assembled) -> str:

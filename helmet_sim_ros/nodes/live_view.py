@@ -1,4 +1,4 @@
-"""The live view of an impact: clock, per-sample topics and scene, decimated."""
+"""The live view of an impact or fall: clock, per-sample topics and scene, decimated."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from rosgraph_msgs.msg import Clock
 from visualization_msgs.msg import MarkerArray
 
 from helmet_sim_ros.biomech.record import ImpactRecord
+from helmet_sim_ros.model.fall.setup import Fall
 from helmet_sim_ros.model.setup import ImpactSetup
 from helmet_sim_ros.nodes.conversion import CHANNELS, messages, stamp
 from helmet_sim_ros.nodes.process import WALL
@@ -57,8 +58,8 @@ class LiveView:
         self._markers: SceneMarkers | None = None
         self.robot = RobotView(node)
 
-    def show(self, setup: ImpactSetup, record: ImpactRecord, start_time: float) -> None:
-        """Publish every sample of ``record``, a part of an impact of ``setup``."""
+    def show(self, setup: ImpactSetup | Fall, record: ImpactRecord, start_time: float) -> None:
+        """Publish every sample of ``record``, a part of an impact or fall of ``setup``."""
         wanted = tuple(c for c in CHANNELS if self._publishers[c.topic].get_subscription_count())
         drawn, robot = self._scene.get_subscription_count() > 0, self.robot.wanted
         markers = self._markers_of(setup) if drawn or robot else None
@@ -73,7 +74,7 @@ class LiveView:
                 if robot:
                     self.robot.show(markers.scene, time_ns)
 
-    def _markers_of(self, setup: ImpactSetup) -> SceneMarkers:
+    def _markers_of(self, setup: ImpactSetup | Fall) -> SceneMarkers:
         if self._markers is None or self._markers.setup is not setup:
             self._markers = SceneMarkers(setup)
         return self._markers

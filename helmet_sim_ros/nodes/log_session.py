@@ -20,7 +20,7 @@ from helmet_sim_ros.mcap_log.blocks import Assembled, Block
 from helmet_sim_ros.mcap_log.digest import SETUP_DIGEST
 from helmet_sim_ros.mcap_log.layout import FORMAT_VERSION, IMPACT, NO_CRITERIA, RUN
 from helmet_sim_ros.mcap_log.writer import LogWriter
-from helmet_sim_ros.model.setup import setup_from_names
+from helmet_sim_ros.model.fall.setup import setup_or_fall
 from helmet_sim_ros.nodes import samples
 from helmet_sim_ros.nodes.conversion import CHANNELS, nanoseconds
 from helmet_sim_ros.nodes.qos import CLOCK, CRITERIA, LIVE, SAMPLES_WRITER, as_yaml
@@ -28,9 +28,10 @@ from helmet_sim_ros.nodes.recorder_config import RecorderConfig
 from helmet_sim_ros.nodes.scene_markers import SceneMarkers
 from helmet_sim_ros.nodes.serialised import CLOCK_TOPIC, serialised
 
-#: The scene is drawn once per so much simulation time [s]; it follows from the other channels.
-SCENE_PERIOD = 1e-3
+#: The scene is drawn once per so much simulation time [ns]; it follows from the other channels.
+SCENE_PERIOD_NS = 1_000_000
 CRITERIA_TOPIC = "evaluation/criteria"
+STRIKES_TOPIC = "evaluation/strikes"
 #: Packages whose versions decide what an impact gives.
 _PACKAGES = ("helmet_sim_ros", "mujoco", "numpy", "scipy", "numba", "pydantic", "rclpy", "mcap")
 
@@ -65,6 +66,7 @@ class LogSession:
         self._models: dict[str, str] = {}
         self._first: Block | None = None
         self._scene: SceneMarkers | None = None
+        self._drawn_next = 0  # ns
         topics = (*(channel.topic for channel in CHANNELS), CLOCK_TOPIC)
         self._topics = {topic: resolve(topic) for topic in topics}
         self._writer = LogWriter(path, f"helmet_sim_ros {_version('helmet_sim_ros')}")
@@ -83,6 +85,7 @@ class LogSession:
             ("scene", "visualization_msgs/msg/MarkerArray", LIVE),
             (samples.TOPIC, "std_msgs/msg/Float64MultiArray", SAMPLES_WRITER),
             (CRITERIA_TOPIC, "diagnostic_msgs/msg/DiagnosticArray", CRITERIA),
+            (STRIKES_TOPIC, "diagnostic_msgs/msg/DiagnosticArray", CRITERIA),
         ):
             self._writer.add_channel(resolve(topic), kind, as_yaml(qos))
         self._writer.add_metadata(RUN, run_metadata(config))
@@ -98,26 +101,26 @@ class LogSession:
         """Append a block: every sample on every channel, then the block itself."""
         if block.first == 0 and block.setup is not None:
             self._first = block
-            self._scene = None
+            self._scene, self._drawn_next = None, 0
             try:
-                self._scene = SceneMarkers(setup_from_names(block.setup))
+                self._scene = SceneMarkers(setup_or_fall(block.setup))
             except SetupError as error:  # a helmet that this node may not or cannot open
                 self._warn(f"impact {block.impact_id}: no scene in the log: {error}")
         if len(block.data) and self._first is not None:
             record = from_block(list(block.labels), block.data, self._first.setup)
-            self._add_samples(record, block.first, block.start_time)
+            self._add_samples(record, block.start_time)
         self.end_ns = max(self.end_ns, nanoseconds(block.start_time, 0.0))
         self._writer.write(self._resolve(samples.TOPIC), self.end_ns, serialized)
 
-    def _add_samples(self, record: ImpactRecord, first: int, start_time: float) -> None:
+    def _add_samples(self, record: ImpactRecord, start_time: float) -> None:
         write, scene = self._writer.write, self._resolve("scene")
-        every = max(1, round(SCENE_PERIOD / record.setup["sim.time_step"]))
         for i, (time_ns, filled) in enumerate(serialised(record, start_time)):
             for topic, message in filled.items():
                 write(self._topics[topic], time_ns, message)
-            if self._scene is not None and (first + i) % every == 0:
+            if self._scene is not None and time_ns >= self._drawn_next:
                 markers = self._scene.message(record, i, time_ns)
                 write(scene, time_ns, serialize_message(markers))
+                self._drawn_next = time_ns + SCENE_PERIOD_NS
             self.end_ns = time_ns
 
     def end_impact(self, impact: Assembled) -> None:
@@ -147,15 +150,18 @@ class LogSession:
             self._writer.attach(self._models[digest], "application/xml", text, self.end_ns)
         return self._models[digest]
 
-    def add_criteria(self, message: DiagnosticArray) -> None:
-        """Append the criteria of an impact; they survive a crash from here on."""
+    def add_criteria(self, message: DiagnosticArray, topic: str = CRITERIA_TOPIC) -> None:
+        """Append the criteria of an impact, or the head strikes of a fall (``STRIKES_TOPIC``); they
+        survive a crash from here on."""
         stamp = message.header.stamp
         time_ns = stamp.sec * 1_000_000_000 + stamp.nanosec
-        self.add_serialized_criteria(time_ns, serialize_message(message))
+        self.add_serialized_criteria(time_ns, serialize_message(message), topic)
 
-    def add_serialized_criteria(self, time_ns: int, serialized: bytes) -> None:
+    def add_serialized_criteria(
+        self, time_ns: int, serialized: bytes, topic: str = CRITERIA_TOPIC
+    ) -> None:
         """The same for a message as it came, and its time."""
-        self._writer.write(self._resolve(CRITERIA_TOPIC), time_ns, serialized)
+        self._writer.write(self._resolve(topic), time_ns, serialized)
         self._writer.flush()
 
     def note_no_criteria(self, impact_id: str, reason: str) -> None:

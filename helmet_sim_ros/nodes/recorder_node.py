@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections import OrderedDict
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -21,7 +22,7 @@ from helmet_sim_ros.mcap_log.blocks import Assembled, Assembler, Block
 from helmet_sim_ros.mcap_log.criteria import digest_of
 from helmet_sim_ros.nodes import samples
 from helmet_sim_ros.nodes.conversion import nanoseconds
-from helmet_sim_ros.nodes.log_session import CRITERIA_TOPIC, LogSession
+from helmet_sim_ros.nodes.log_session import CRITERIA_TOPIC, STRIKES_TOPIC, LogSession
 from helmet_sim_ros.nodes.parameters import NODE_OPTIONS, Parameters
 from helmet_sim_ros.nodes.process import WALL, answering, run_node, wait
 from helmet_sim_ros.nodes.qos import CRITERIA_READER, LATCHED, SAMPLES_READER, SERVICE
@@ -51,8 +52,10 @@ WATCH_PERIOD = 0.2
 
 
 class _Judged(NamedTuple):
-    """Criteria that arrived: digest of the setup, simulation time, the message as it came."""
+    """Criteria or head strikes that arrived: their topic, digest of the setup, simulation time, the
+    message as it came."""
 
+    topic: str
     digest: str
     time_ns: int
     serialized: bytes
@@ -103,9 +106,10 @@ class RecorderNode(Node):
         self.create_subscription(
             Float64MultiArray, samples.TOPIC, self._receive, SAMPLES_READER, raw=True
         )
-        self.create_subscription(
-            DiagnosticArray, CRITERIA_TOPIC, self._judged, CRITERIA_READER, raw=True
-        )
+        for topic in (CRITERIA_TOPIC, STRIKES_TOPIC):
+            self.create_subscription(
+                DiagnosticArray, topic, partial(self._judged, topic), CRITERIA_READER, raw=True
+            )
         self.create_timer(WATCH_PERIOD, self._watch, clock=WALL)
         self._tell("waiting for an impact")
 
@@ -150,14 +154,14 @@ class RecorderNode(Node):
         for impact in mine:
             self._end_impact(impact)
 
-    def _judged(self, serialized: bytes) -> None:
+    def _judged(self, topic: str, serialized: bytes) -> None:
         message = deserialize_message(serialized, DiagnosticArray)
         if not message.status:
             return
         self._judged_last = time.monotonic()
         stamp = message.header.stamp
         self._criteria[message.status[0].hardware_id] = _Judged(
-            digest_of(message), stamp.sec * 1_000_000_000 + stamp.nanosec, serialized
+            topic, digest_of(message), stamp.sec * 1_000_000_000 + stamp.nanosec, serialized
         )
         while len(self._criteria) > CRITERIA_KEPT:
             self._criteria.popitem(last=False)
@@ -225,7 +229,7 @@ class RecorderNode(Node):
         """Write the criteria of an impact, or why it has none, and then tell that it is on disk."""
         message, level = "recording", DiagnosticStatus.OK
         if judged is not None and not reason:
-            session.add_serialized_criteria(judged.time_ns, judged.serialized)
+            session.add_serialized_criteria(judged.time_ns, judged.serialized, judged.topic)
         else:
             session.note_no_criteria(impact_id, reason)
             message, level = f"impact {impact_id} has no criteria: {reason}", DiagnosticStatus.WARN

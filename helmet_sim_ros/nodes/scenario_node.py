@@ -1,15 +1,17 @@
-"""The scenario node: runs a whole matrix of impacts through the other nodes.
+"""The scenario node: runs a whole matrix of impacts and falls through the other nodes.
 
-For each case it sets the parameters of the simulation atomically, asks for the impact, and waits
-for the evaluation of exactly that impact and for the recorder to have it on disk. Every wait has a
-deadline; a case that fails is told as failed, and the matrix goes on.
+For each case it sets the parameters of the simulation atomically, asks for the impact or fall, and
+waits for the evaluation of exactly that one and for the recorder to have it on disk. Every wait has
+a deadline; a case that fails is told as failed, and the matrix goes on.
 
 ``~/progress`` is JSON: ``scenario``, ``state`` (idle, starting, running, finished), ``case``,
 ``done``, ``failed``, ``cases``, ``elapsed_s``, ``left_s``. ``~/run`` answers at the end, with the
 result as JSON: ``scenario``, ``complete``, ``error``, ``file``, ``reference``, and in ``cases`` one
 row each with ``name``, ``status`` (evaluated, failed, cancelled), ``error``, ``impact_id``,
-``recorded``, ``setup``, ``setup_digest``, ``evaluation``, ``reference``. A case whose impact or
-criteria carry another digest than the setup that was asked for has failed.
+``recorded``, ``setup``, ``setup_digest``, ``evaluation``, ``reference``, and of a fall, in place
+of ``evaluation``, ``strikes``: a list, empty without head contact, each with its own
+``evaluation``. A case whose impact or criteria carry another digest than the setup that was asked
+for has failed.
 """
 
 from __future__ import annotations
@@ -34,12 +36,11 @@ from std_srvs.srv import Trigger
 from helmet_sim_ros.errors import HelmetSimError, NodeError, SetupError
 from helmet_sim_ros.mcap_log.criteria import digest_of
 from helmet_sim_ros.mcap_log.digest import SETUP_DIGEST, setup_digest
-from helmet_sim_ros.model.setup import ImpactSetup
-from helmet_sim_ros.nodes.diagnostics import to_evaluation
+from helmet_sim_ros.nodes.diagnostics import to_evaluation, to_strikes
 from helmet_sim_ros.nodes.parameters import NODE_OPTIONS, Parameters, renamed, without_prefix
 from helmet_sim_ros.nodes.process import answering, run_node, wait
 from helmet_sim_ros.nodes.qos import CRITERIA, LATCHED, SERVICE, STATUS_READER
-from helmet_sim_ros.nodes.setup_parameters import NOT_A_PARAMETER
+from helmet_sim_ros.nodes.setup_parameters import FALL, IMPACT, kind_of, parameter_values
 from helmet_sim_ros.schema import Config, leaves, quantity
 from helmet_sim_ros.study.scenario.matrix import Case, Scenario, load_scenario
 from helmet_sim_ros.study.scenario.overrides import parse_overrides
@@ -55,6 +56,8 @@ PULSE = 0.1
 REMEMBERED = 100
 
 PREFIX = "scenario."
+#: Topics of the evaluator: criteria of impacts, head strikes of falls.
+RESULTS = ("criteria", "strikes")
 
 T = TypeVar("T")
 
@@ -99,13 +102,14 @@ class ScenarioNode(Node):
             return self.create_client(kind, name, callback_group=group)
 
         self._configure = client(SetParametersAtomically, "simulation/set_parameters_atomically")
-        self._impact = client(Trigger, "simulation/run_impact")
+        self._runs = {kind: client(Trigger, f"simulation/run_{kind}") for kind in (IMPACT, FALL)}
         self._stop = client(Trigger, "simulation/cancel")
         self._recorder = client(SetParametersAtomically, "recorder/set_parameters_atomically")
         self._finish = client(Trigger, "recorder/finish")
-        self.create_subscription(
-            DiagnosticArray, "evaluation/criteria", self._judged, CRITERIA, callback_group=group
-        )
+        for name in RESULTS:
+            self.create_subscription(
+                DiagnosticArray, f"evaluation/{name}", self._judged, CRITERIA, callback_group=group
+            )
         for name in self._status:
             self.create_subscription(
                 DiagnosticStatus, f"{name}/status", self._heard, STATUS_READER, callback_group=group
@@ -184,23 +188,24 @@ class ScenarioNode(Node):
         row: dict[str, Any] = {
             "name": case.name, "status": "evaluated", "error": "", "impact_id": "",
             "recorded": "", "setup": dict(case.values), "setup_digest": "",
-            "reference": case.reference, "evaluation": None,
+            "reference": case.reference, "evaluation": None, "strikes": None,
         }  # fmt: skip
+        kind = kind_of(case.setup)
         try:
             if self._cancelled:
                 raise NodeError("cancelled before it began")
             self._status["recorder"].pop("level", None)  # an error of an earlier case
-            await self._set(self._configure, parameter_values(case.impact))
-            answer = await self._ask(self._impact, self._options.value.timeout)
+            await self._set(self._configure, parameter_values(case.setup))
+            answer = await self._ask(self._runs[kind], self._options.value.timeout)
             impact_id, ran = ran_impact(answer.message)
             row |= {"impact_id": impact_id, SETUP_DIGEST: ran}
             asked = setup_digest(case.setup.described())
             if ran != asked:
                 raise NodeError(not_asked(impact_id, ran, asked))
-            evaluation = await self._evaluation(impact_id, asked)
+            judged = await self._judgement(impact_id, asked, kind)
             if self._options.value.record:
                 row["recorded"] = await self._recorded(impact_id)
-            row["evaluation"] = evaluation
+            row |= judged
         except HelmetSimError as error:
             row["status"] = "cancelled" if self._cancelled else "failed"
             row["error"] = str(error)
@@ -210,14 +215,17 @@ class ScenarioNode(Node):
     async def _ready(self, scenario: Scenario) -> None:
         """Wait until nothing that the matrix needs can miss its first sample."""
         record = self._options.value.record
-        services = [self._configure, self._impact] + [self._recorder, self._finish] * record
+        kinds = {kind_of(case.setup) for case in scenario.cases}
+        services = [self._configure, *(self._runs[kind] for kind in kinds)]
+        services += [self._recorder, self._finish] * record
         for client in services:
             await self._until(
                 client.service_is_ready, f"no node answers {client.srv_name}", START_TIMEOUT
             )
         await self._until(
-            lambda: self.count_publishers("evaluation/criteria") > 0,
-            "no evaluator publishes evaluation/criteria", START_TIMEOUT,
+            lambda: all(self.count_publishers(f"evaluation/{name}") for name in RESULTS),
+            "no evaluator publishes " + " and ".join(f"evaluation/{name}" for name in RESULTS),
+            START_TIMEOUT,
         )  # fmt: skip
         readers = 2 if record else 1
         await self._until(
@@ -278,7 +286,9 @@ class ScenarioNode(Node):
             client.remove_pending_request(future)
         return future.result()
 
-    async def _evaluation(self, impact_id: str, asked: str) -> dict[str, Any]:
+    async def _judgement(self, impact_id: str, asked: str, kind: str) -> dict[str, Any]:
+        """What the evaluator says: ``evaluation`` of an impact, ``strikes`` of a fall."""
+
         def judged() -> bool:
             return self._cancelled or impact_id in self._criteria
 
@@ -286,10 +296,14 @@ class ScenarioNode(Node):
         if impact_id not in self._criteria:
             raise NodeError("cancelled before its evaluation arrived")
         criteria = self._criteria.pop(impact_id)
-        _, evaluation = to_evaluation(criteria)
+        result: dict[str, Any]
+        if kind == FALL:
+            result = {"strikes": [strike.as_dict() for strike in to_strikes(criteria)[1]]}
+        else:
+            result = {"evaluation": to_evaluation(criteria)[1].as_dict()}
         if digest_of(criteria) != asked:
             raise NodeError(not_asked(impact_id, digest_of(criteria), asked, "was judged"))
-        return evaluation.as_dict()
+        return result
 
     async def _recorded(self, impact_id: str) -> str:
         """The log that holds the impact."""
@@ -348,16 +362,8 @@ class ScenarioNode(Node):
         self._progress.publish(String(data=json.dumps(self._state)))
 
 
-def parameter_values(setup: ImpactSetup) -> dict[str, Any]:
-    """Every parameter of the simulation node that makes up a setup, so that nothing of an earlier
-    case or client stays; an optional value that is not set is ``"unset"``."""
-    values = setup.described() | {"impact.neck_flexion_deg": setup.neck_flexion_deg}
-    del values[NOT_A_PARAMETER]
-    return {name: "unset" if value is None else value for name, value in values.items()}
-
-
 def ran_impact(answer: str) -> tuple[str, str]:
-    """Impact id and digest of the setup in an answer of ``~/run_impact``.
+    """Identity and digest of the setup in an answer of ``~/run_impact`` or ``~/run_fall``.
 
     Raises:
         NodeError: not such an answer.
@@ -366,7 +372,7 @@ def ran_impact(answer: str) -> tuple[str, str]:
         told = json.loads(answer)
         return str(told["impact_id"]), str(told.get(SETUP_DIGEST, ""))
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
-        raise NodeError("simulation/run_impact: an answer without an impact") from None
+        raise NodeError("the simulation gave an answer without an impact") from None
 
 
 def not_asked(impact_id: str, found: str, asked: str, what: str = "ran") -> str:

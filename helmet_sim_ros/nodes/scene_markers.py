@@ -1,61 +1,88 @@
-"""Rider, helmet, ground and the forces between them as RViz markers."""
+"""Rider, helmet, what surrounds them and the forces between them as RViz markers."""
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
+import numpy as np
 from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
+from scipy.spatial.transform import Rotation
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-from helmet_sim_ros.biomech.record import ImpactRecord
+from helmet_sim_ros.biomech.record import FloatArray, ImpactRecord
 from helmet_sim_ros.model.arrows import FORCES, Arrow, force_arrows
-from helmet_sim_ros.model.scene import Scene, SceneShape
+from helmet_sim_ros.model.fall.setup import Fall
+from helmet_sim_ros.model.scene import Scene
 from helmet_sim_ros.model.setup import ImpactSetup
+from helmet_sim_ros.model.state import read_state
+from helmet_sim_ros.model.surface.drawing import Primitive, drawn
 from helmet_sim_ros.nodes.conversion import stamp
 
-#: Edge and thickness of the drawn part of the ground plane [m].
-_GROUND = (4.0, 4.0, 0.01)
+Color = tuple[float, float, float, float]
+Size = tuple[float, float, float]
+
+#: Edge of the drawn part of a plane of an impact and of a fall, and its thickness [m].
+_EDGE, _WIDE, _THICK = 4.0, 40.0, 0.01
+_GROUND, _SOLID = (0.55, 0.55, 0.55, 1.0), (0.45, 0.50, 0.58, 1.0)
 #: Diameter of an arrow's shaft and head, length of its head [m].
 _ARROW = (0.015, 0.035, 0.05)
+
+
+class _Drawn(NamedTuple):
+    """The markers of one shape, and where the middle of each is in its axes: (n, 3) [m]."""
+
+    markers: list[Marker]
+    offsets: FloatArray
+
+    def put(self, position: FloatArray, rotation: FloatArray, turn: FloatArray) -> None:
+        """Pose the shape: position (3,), rotation (3, 3) and as quaternion x, y, z, w (4,)."""
+        quaternion = Quaternion(**dict(zip("xyzw", turn.tolist(), strict=True)))
+        places = (position + self.offsets @ rotation.T).tolist()
+        for marker, (x, y, z) in zip(self.markers, places, strict=True):
+            marker.pose = Pose(position=Point(x=x, y=y, z=z), orientation=quaternion)
 
 
 class SceneMarkers:
     """The markers of one setup; frame ``world``.
 
-    A capsule becomes a cylinder and a sphere at each end.
+    A capsule becomes a cylinder and a sphere at each end; of a plane the part around the helmet is
+    drawn.
 
     Attributes:
         scene: posed by :meth:`message`.
     """
 
-    def __init__(self, setup: ImpactSetup) -> None:
+    def __init__(self, setup: ImpactSetup | Fall) -> None:
         self.setup = setup
         self.scene = Scene(setup)
-        self._parts = [_markers(shape) for shape in self.scene.shapes]
-        ground = _marker(Marker.CUBE, "ground", _GROUND, (0.55, 0.55, 0.55, 1.0))
-        ground.pose.position.z = -0.5 * _GROUND[2]
+        self._surface = setup.surface_config
+        state = None if isinstance(setup, Fall) else setup.state
+        self._began = 0.0 if state is None else read_state(state).time
+        self._moves = any(any(part.velocity) for part in self._surface.shapes)
+        self._solids = drawn(self._surface, self._began)
+        edge = _WIDE if isinstance(setup, Fall) else _EDGE
+        self._around = [_drawn_solid(solid, edge) for solid in self._solids]
+        self._parts = [_drawn(s.name, s.kind, s.size, s.color) for s in self.scene.shapes]
+        self._put_around(self._solids)
         self._arrows = [_marker(Marker.ARROW, name, _ARROW, (0.0,) * 4) for name in FORCES]
-        shapes = (marker for part in self._parts for marker in part)
-        self._message = MarkerArray(markers=[ground, *shapes, *self._arrows])
+        shapes = (marker for part in (*self._around, *self._parts) for marker in part.markers)
+        self._message = MarkerArray(markers=[*shapes, *self._arrows])
         for number, marker in enumerate(self._message.markers):
             marker.id = number
 
     def message(self, record: ImpactRecord, index: int, time_ns: int) -> MarkerArray:
         """The scene at one sample; the same object every time."""
+        if self._moves:
+            self._solids = drawn(self._surface, self._began + float(record.time[index]))
+            self._put_around(self._solids)
+        for part, solid in zip(self._around, self._solids, strict=True):
+            if solid.kind == "plane":
+                _under(part, solid, record.helmet_position[index])
         positions, quaternions = self.scene.poses(record, index)
-        shapes = zip(
-            self.scene.shapes, self._parts, positions.tolist(), quaternions.tolist(), strict=True
-        )
-        for shape, markers, position, (x, y, z, w) in shapes:
-            turn = Quaternion(x=x, y=y, z=z, w=w)
-            ends = [(0.0, 0.0, 0.0)]
-            if shape.kind == "capsule":
-                half = shape.size[1]
-                axis = (2 * (x * z + w * y) * half, 2 * (y * z - w * x) * half,
-                        (1 - 2 * (x * x + y * y)) * half)  # fmt: skip
-                ends += [axis, tuple(-a for a in axis)]
-            for marker, offset in zip(markers, ends, strict=True):
-                a, b, c = (p + o for p, o in zip(position, offset, strict=True))
-                marker.pose = Pose(position=Point(x=a, y=b, z=c), orientation=turn)
+        rotations = Rotation.from_quat(quaternions).as_matrix()
+        for part, *pose in zip(self._parts, positions, rotations, quaternions, strict=True):
+            part.put(*pose)
         for marker, arrow in zip(self._arrows, force_arrows(record, index), strict=True):
             _point(marker, arrow)
         now = stamp(time_ns)
@@ -63,15 +90,41 @@ class SceneMarkers:
             marker.header.stamp = now
         return self._message
 
+    def _put_around(self, solids: list[Primitive]) -> None:
+        for part, solid in zip(self._around, solids, strict=True):
+            part.put(solid.position, solid.rotation, Rotation.from_matrix(solid.rotation).as_quat())
 
-def _markers(shape: SceneShape) -> list[Marker]:
-    if shape.kind == "ellipsoid":
-        a, b, c = shape.size
-        return [_marker(Marker.SPHERE, shape.name, (2 * a, 2 * b, 2 * c), shape.color)]
-    width, half = 2 * shape.size[0], shape.size[1]
-    tube = _marker(Marker.CYLINDER, shape.name, (width, width, 2 * half), shape.color)
-    caps = [_marker(Marker.SPHERE, shape.name, (width,) * 3, shape.color) for _ in range(2)]
-    return [tube, *caps]
+
+def _under(part: _Drawn, plane: Primitive, helmet: FloatArray) -> None:
+    """Move the drawn part of a plane to where the helmet is over it."""
+    normal = plane.rotation[:, 2]
+    foot = helmet - normal * float(normal @ (helmet - plane.position))
+    turn = Rotation.from_matrix(plane.rotation).as_quat()
+    part.put(foot, plane.rotation, turn)
+
+
+def _drawn_solid(solid: Primitive, edge: float) -> _Drawn:
+    if solid.kind == "plane":
+        marker = _marker(Marker.CUBE, "ground", (edge, edge, _THICK), _GROUND)
+        return _Drawn([marker], np.array([[0.0, 0.0, -0.5 * _THICK]]))
+    return _drawn("surface", solid.kind, solid.size, _SOLID)
+
+
+def _drawn(name: str, kind: str, size: Size, color: Color) -> _Drawn:
+    """The markers of a shape in MuJoCo's conventions, see :class:`Primitive`."""
+    a, b, c = size
+    middle = np.zeros((1, 3))
+    if kind == "box":
+        return _Drawn([_marker(Marker.CUBE, name, (2 * a, 2 * b, 2 * c), color)], middle)
+    if kind == "ellipsoid":
+        return _Drawn([_marker(Marker.SPHERE, name, (2 * a, 2 * b, 2 * c), color)], middle)
+    if kind == "sphere":
+        return _Drawn([_marker(Marker.SPHERE, name, (2 * a,) * 3, color)], middle)
+    tube = _marker(Marker.CYLINDER, name, (2 * a, 2 * a, 2 * b), color)
+    if kind == "cylinder":
+        return _Drawn([tube], middle)
+    caps = [_marker(Marker.SPHERE, name, (2 * a,) * 3, color) for _ in range(2)]
+    return _Drawn([tube, *caps], np.array([[0.0, 0.0, 0.0], [0.0, 0.0, b], [0.0, 0.0, -b]]))
 
 
 def _point(marker: Marker, arrow: Arrow) -> None:
@@ -81,12 +134,7 @@ def _point(marker: Marker, arrow: Arrow) -> None:
     marker.color = ColorRGBA(**dict(zip("rgba", arrow.color, strict=True)))
 
 
-def _marker(
-    kind: int,
-    name: str,
-    size: tuple[float, float, float],
-    color: tuple[float, float, float, float],
-) -> Marker:
+def _marker(kind: int, name: str, size: Size, color: Color) -> Marker:
     x, y, z = size
     r, g, b, a = color
     marker = Marker(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from helmet_sim_ros.biomech.record import ImpactRecord, block_labels, block_units, to_block
+from helmet_sim_ros.biomech.record import ImpactRecord, to_block
 from helmet_sim_ros.biomech.result import Evaluation
 from helmet_sim_ros.present.extra import need
 
@@ -20,10 +20,10 @@ def sample_frame(record: ImpactRecord) -> pd.DataFrame:
     Raises:
         MissingExtraError: pandas is not installed.
     """
-    labels = block_labels(record.joint_names)
+    labels = record.labels
     frame = need("pandas", "report").DataFrame(to_block(record), columns=labels)
     frame = frame.set_index("time")
-    units = dict(zip(labels, block_units(record.joint_names), strict=True))
+    units = dict(zip(labels, record.units, strict=True))
     frame.attrs = {"units": units, "setup": dict(record.setup)}
     return frame
 

@@ -22,7 +22,7 @@ from bench.campaign.running.on_nodes import (
 )
 from helmet_sim_ros.mcap_log.digest import setup_digest
 from helmet_sim_ros.nodes.qos import SERVICE
-from helmet_sim_ros.nodes.scenario_node import parameter_values
+from helmet_sim_ros.nodes.setup_parameters import parameter_values
 
 CLIENTS = 3
 #: Calls of a case, about half of them impacts.

@@ -18,7 +18,7 @@ from helmet_sim_ros.errors import LogError
 from helmet_sim_ros.mcap_log.blocks import Block
 from helmet_sim_ros.nodes import samples
 from helmet_sim_ros.nodes.qos import SAMPLES_WRITER
-from helmet_sim_ros.nodes.scenario_node import parameter_values
+from helmet_sim_ros.nodes.setup_parameters import parameter_values
 
 IMPACTS = 3
 

@@ -20,7 +20,7 @@ from bench.campaign.running.on_nodes import (
     run_setups,
 )
 from helmet_sim_ros import ImpactSetup
-from helmet_sim_ros.nodes.scenario_node import parameter_values
+from helmet_sim_ros.nodes.setup_parameters import parameter_values
 
 #: Latest instant of a kill [s]; by then some ten impacts have been run.
 LATEST = 1.0

@@ -19,7 +19,7 @@ from helmet_sim_ros.mcap_log import LoggedImpact
 from helmet_sim_ros.mcap_log.digest import setup_digest
 from helmet_sim_ros.mcap_log.recover import recover
 from helmet_sim_ros.mcap_log.writer import PART
-from helmet_sim_ros.nodes.scenario_node import parameter_values
+from helmet_sim_ros.nodes.setup_parameters import parameter_values
 
 #: How long the middleware may take to forget a killed process, on a machine that is busy [s];
 #: Fast DDS does so after 20 s.

@@ -9,7 +9,7 @@ import signal
 from bench.campaign.attack import Outcome
 from bench.campaign.running import Rig
 from bench.campaign.running.on_nodes import OnNodes, compare_all, random_setups, run_setups, waited
-from helmet_sim_ros.nodes.scenario_node import parameter_values
+from helmet_sim_ros.nodes.setup_parameters import parameter_values
 
 IMPACTS = 4
 #: Longest halt [s]; a reader that hangs for 30 s is given up.

@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
+from helmet_sim_ros.biomech.record import is_fall
 from helmet_sim_ros.errors import Problem, SetupError
 from helmet_sim_ros.model.fall.posture import Posture, load_posture
 from helmet_sim_ros.model.head_surface import Head, HeadSurface
@@ -247,11 +248,6 @@ def _fall_keys() -> dict[str, str]:
 
 
 _FALL_KEYS = _fall_keys()
-
-
-def is_fall(values: Mapping[str, Any]) -> bool:
-    """Whether dotted names describe a fall, not an impact."""
-    return any(name.startswith("fall.") for name in values)
 
 
 def fall_from_names(values: Mapping[str, Any]) -> Fall:

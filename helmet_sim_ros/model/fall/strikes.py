@@ -14,15 +14,14 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from helmet_sim_ros.biomech.evaluation import evaluate
-from helmet_sim_ros.biomech.record import CHANNELS, FloatArray, ImpactRecord
+from helmet_sim_ros.biomech.record import CHANNELS, SHELL, FloatArray, ImpactRecord, is_fall
 from helmet_sim_ros.biomech.result import Evaluation
 from helmet_sim_ros.biomech.rotation import matrices
 from helmet_sim_ros.errors import PulseError, SetupError
 from helmet_sim_ros.model.compiled import compiled
-from helmet_sim_ros.model.fall.setup import Fall, fall_from_names, is_fall, setup_or_fall
+from helmet_sim_ros.model.fall.setup import Fall, fall_from_names, setup_or_fall
 from helmet_sim_ros.model.force.columns import first_touch
 from helmet_sim_ros.model.force.neck import CervicalSpine, elastic_length
-from helmet_sim_ros.model.impact import SHELL
 from helmet_sim_ros.model.placement import SITES, place_head
 from helmet_sim_ros.model.setup import ImpactSetup, setup_from_names
 from helmet_sim_ros.model.state import State, read_state

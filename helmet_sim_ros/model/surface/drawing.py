@@ -53,9 +53,15 @@ class Primitive:
     rotation: FloatArray
 
 
-def drawn(surface: SurfaceConfig) -> list[Primitive]:
-    """The solids that show a surface. Rounded edges of boxes and discs are drawn sharp."""
-    return [solid for part in surface.shapes for solid in _solids(part)]
+def drawn(surface: SurfaceConfig, time: float = 0.0) -> list[Primitive]:
+    """The solids that show a surface at a time [s] after the start; panels are drawn undented.
+    Rounded edges of boxes and discs are drawn sharp."""
+    places = surface.moving(None, time).position
+    return [
+        solid
+        for part, place in zip(surface.shapes, places, strict=True)
+        for solid in _solids(part, place.copy())
+    ]
 
 
 def add_geoms(
@@ -76,8 +82,8 @@ def add_geoms(
         geom.quat = quaternion
 
 
-def _solids(part: Part) -> list[Primitive]:
-    position, rotation = np.array(part.position), part.rotation
+def _solids(part: Part, position: FloatArray) -> list[Primitive]:
+    rotation = part.rotation
     if isinstance(part, HalfSpace):
         return [Primitive("plane", (0.0, 0.0, 1.0), position, rotation)]
     if isinstance(part, Sphere):

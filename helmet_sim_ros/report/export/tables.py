@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from helmet_sim_ros.biomech.catalogue import entry
-from helmet_sim_ros.biomech.record import block_labels, block_units, to_block
+from helmet_sim_ros.biomech.record import to_block
 from helmet_sim_ros.mcap_log import LoggedImpact
 
 #: Every finite double reads back bit for bit from so many digits.
@@ -21,7 +21,7 @@ EXACT = "%.17g"
 def write_samples_csv(impact: LoggedImpact, path: Path) -> None:
     """All samples: a row of names, a row of units, then one row per sample."""
     record = impact.record
-    labels, units = block_labels(record.joint_names), block_units(record.joint_names)
+    labels, units = record.labels, record.units
     with open(path, "w", encoding="utf-8", newline="") as stream:
         csv.writer(stream).writerows([labels, units])
         np.savetxt(stream, to_block(record), fmt=EXACT, delimiter=",", newline="\r\n")
@@ -37,7 +37,7 @@ def write_samples_parquet(impact: LoggedImpact, path: Path) -> None:
     from pyarrow import parquet
 
     record = impact.record
-    columns = zip(block_labels(record.joint_names), block_units(record.joint_names), strict=True)
+    columns = zip(record.labels, record.units, strict=True)
     fields = [pyarrow.field(name, pyarrow.float64(), metadata={"unit": u}) for name, u in columns]
     about = {
         "impact_id": impact.impact_id,

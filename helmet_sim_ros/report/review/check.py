@@ -9,7 +9,9 @@ from dataclasses import dataclass
 from helmet_sim_ros.biomech.result import Criterion, Evaluation
 from helmet_sim_ros.biomech.standards import DEFAULT_STANDARD
 from helmet_sim_ros.errors import LogError
-from helmet_sim_ros.mcap_log import LoggedImpact
+from helmet_sim_ros.mcap_log import ImpactLog, LoggedImpact
+from helmet_sim_ros.mcap_log.strikes import JudgedStrike
+from helmet_sim_ros.report.review.strikes import LoggedStrike, found_strikes, logged_strikes
 
 #: Largest relative difference that another processor or library version may cause.
 TOLERANCE = 1e-9
@@ -37,7 +39,7 @@ class Difference:
 
 @dataclass(frozen=True)
 class Reviewed:
-    """One impact after review.
+    """One impact, fall or head strike of a fall after review.
 
     Attributes:
         impact: of the log.
@@ -46,7 +48,7 @@ class Reviewed:
         has_logged: whether the log has criteria of this impact.
     """
 
-    impact: LoggedImpact
+    impact: LoggedImpact | LoggedStrike
     evaluation: Evaluation
     differences: tuple[Difference, ...]
     has_logged: bool
@@ -59,8 +61,21 @@ class Reviewed:
         return "same" if self.has_logged else "not logged"
 
 
-def review(impact: LoggedImpact, standard: str | None = None) -> Reviewed:
-    """Compute the criteria of an impact again and compare.
+def reviewed(log: ImpactLog, standard: str | None = None) -> Iterator[Reviewed]:
+    """Every impact and fall of a log after review; behind a fall its head strikes.
+
+    Raises: see :func:`review`.
+    """
+    for impact in log:
+        yield review(impact, standard)
+        if impact.is_fall:
+            for strike in logged_strikes(impact):
+                yield review(strike, standard)
+
+
+def review(impact: LoggedImpact | LoggedStrike, standard: str | None = None) -> Reviewed:
+    """Compute the criteria of an impact again and compare. Of a fall, the table of its head strikes
+    is compared; its criteria are those of all its samples as one pulse, and never logged.
 
     Args:
         impact: of a log.
@@ -71,7 +86,10 @@ def review(impact: LoggedImpact, standard: str | None = None) -> Reviewed:
         PulseError: no criteria can be computed from them.
         SetupError: the standard is unknown here.
     """
+    strikes: tuple[JudgedStrike, ...] | None = None
     try:
+        if isinstance(impact, LoggedImpact):
+            strikes = impact.strikes
         logged, problem = impact.logged, ""
     except LogError as error:
         logged, problem = None, str(error)
@@ -82,9 +100,12 @@ def review(impact: LoggedImpact, standard: str | None = None) -> Reviewed:
         differences.append(Difference("criteria", "", problem, "complete"))
     if logged is not None:
         differences += evaluation_differences(logged, computed)
+    if isinstance(impact, LoggedImpact) and strikes is not None:
+        differences += _strike_differences(impact, strikes)
     if standard is not None and standard != used:
         computed = impact.evaluate(standard)
-    return Reviewed(impact, computed, tuple(differences), logged is not None)
+    has_logged = logged is not None or strikes is not None
+    return Reviewed(impact, computed, tuple(differences), has_logged)
 
 
 def evaluation_differences(logged: Evaluation, computed: Evaluation) -> Iterator[Difference]:
@@ -106,7 +127,21 @@ def _criterion_differences(old: Criterion, new: Criterion) -> Iterator[Differenc
             yield Difference(old.name, field, before, after)
 
 
-def _model_differences(impact: LoggedImpact) -> Iterator[Difference]:
+def _strike_differences(
+    fall: LoggedImpact, logged: tuple[JudgedStrike, ...]
+) -> Iterator[Difference]:
+    """Where the table of head strikes was logged otherwise; their criteria are compared alone."""
+    found = found_strikes(fall).rows()
+    if len(found) != len(logged):
+        yield Difference("head strikes", "number", len(logged), len(found))
+        return
+    for number, (old, new) in enumerate(zip(logged, found, strict=True), 1):
+        for name, value in new.items():
+            if not _same(old.row.get(name), value):
+                yield Difference(f"strike {number}", name, old.row.get(name), value)
+
+
+def _model_differences(impact: LoggedImpact | LoggedStrike) -> Iterator[Difference]:
     if impact.model_problem:
         yield Difference("model", "hash", impact.model_problem, impact.model_hash)
 

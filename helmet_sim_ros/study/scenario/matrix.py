@@ -12,8 +12,9 @@ from typing import Any
 
 from pydantic import Field
 
+from helmet_sim_ros.biomech.record import is_fall
 from helmet_sim_ros.errors import SetupError
-from helmet_sim_ros.model.fall.setup import Fall, fall_leaves, is_fall, setup_or_fall
+from helmet_sim_ros.model.fall.setup import Fall, fall_leaves, setup_or_fall
 from helmet_sim_ros.model.setup import ImpactSetup, setup_from_names, setup_leaves
 from helmet_sim_ros.resources import find_config
 from helmet_sim_ros.schema import Config, leaf_values
@@ -77,24 +78,10 @@ class Case:
     values: Mapping[str, object]
     reference: Published | None = None
 
-    @property
-    def impact(self) -> ImpactSetup:
-        """The setup of a case that is an impact.
-
-        Raises:
-            SetupError: it is a fall.
-        """
-        if isinstance(self.setup, Fall):
-            raise SetupError.of(
-                "fall.preset", self.setup.preset,
-                f"{self.name} is a fall, which no node runs: helmet-sim run does, without nodes",
-            )  # fmt: skip
-        return self.setup
-
 
 @dataclass(frozen=True)
 class Scenario:
-    """A named matrix of impacts; ``path`` is the file it came from."""
+    """A named matrix of impacts and falls; ``path`` is the file it came from."""
 
     name: str
     description: str

@@ -14,9 +14,10 @@ from typing import Any
 from pydantic import Field, model_validator
 
 from helmet_sim_ros.biomech.catalogue import CATALOGUE, entry
+from helmet_sim_ros.biomech.record import is_fall
 from helmet_sim_ros.biomech.standards import DEFAULT_STANDARD, load_standard
 from helmet_sim_ros.errors import PulseError, SetupError
-from helmet_sim_ros.model.fall.setup import fall_leaves, is_fall
+from helmet_sim_ros.model.fall.setup import fall_leaves
 from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.setup import ImpactSetup, setup_leaves
 from helmet_sim_ros.resources import find_config

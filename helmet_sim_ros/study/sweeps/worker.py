@@ -47,8 +47,8 @@ def run_chunk(job: Job, chunk: Sequence[Mapping[str, object]]) -> list[Outcome]:
     processor's caches, which saves a tenth of the time.
     """
     from helmet_sim_ros.biomech.evaluation import evaluate
-    from helmet_sim_ros.biomech.record import ImpactRecord
-    from helmet_sim_ros.model.fall.setup import Fall, is_fall, setup_or_fall
+    from helmet_sim_ros.biomech.record import ImpactRecord, is_fall
+    from helmet_sim_ros.model.fall.setup import Fall, setup_or_fall
     from helmet_sim_ros.model.fall.stepping import Falling
     from helmet_sim_ros.model.impact import Impact
     from helmet_sim_ros.model.setup import ImpactSetup
