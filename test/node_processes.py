@@ -50,9 +50,8 @@ class Rig:
             self.node = rclpy.create_node("test_client")
             self._executor = SingleThreadedExecutor()
             self._executor.add_node(self.node)
-            self.node.create_subscription(
-                DiagnosticArray, "evaluation/criteria", self._judged, CRITERIA
-            )
+            for topic in ("evaluation/criteria", "evaluation/strikes"):
+                self.node.create_subscription(DiagnosticArray, topic, self._judged, CRITERIA)
             for name in ("simulation", "recorder"):
                 self.node.create_subscription(
                     DiagnosticStatus, f"{name}/status", self._heard, LATCHED
@@ -161,9 +160,9 @@ class Rig:
         answer = self.call(f"{node}/get_parameters", GetParameters.Request(names=[name]))
         return parameter_value_to_python(answer.values[0])
 
-    def impact(self) -> dict[str, Any]:
-        """Run the configured impact and wait for its criteria."""
-        answer = self.call("simulation/run_impact")
+    def impact(self, kind: str = "impact") -> dict[str, Any]:
+        """Run the configured impact or fall and wait for its criteria or head strikes."""
+        answer = self.call(f"simulation/run_{kind}")
         assert answer.success, answer.message
         result: dict[str, Any] = json.loads(answer.message)
         self.until(lambda: result["impact_id"] in self.criteria)

@@ -250,10 +250,10 @@ def test_a_log_of_format_1_opens_and_says_what_is_not_covered(written, tmp_path:
 def test_a_log_of_a_later_format_is_refused_as_such(path: Path, tmp_path: Path) -> None:
     def later(record):
         if isinstance(record, Channel):
-            record.metadata[FORMAT_KEY] = "3"
+            record.metadata[FORMAT_KEY] = "4"
         return record
 
-    with pytest.raises(LogError, match="log format 3; this program reads up to 2"):
+    with pytest.raises(LogError, match="log format 4; this program reads up to 3"):
         open_log(rewritten(path, tmp_path / "a.mcap", later, seal=False))
     for text in ("x", "9" * 400, "١"):
 

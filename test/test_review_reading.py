@@ -227,8 +227,8 @@ def test_foreign_contents_are_told_in_a_sentence(path, tmp_path):
         "schema": (_changed(Channel__schema_id=lambda r: 0), "schema\\) is missing"),
         "encoding": (_changed(Channel__message_encoding=lambda r: "json"), "expected ros2msg"),
         "definition": (_changed(Schema__data=lambda r: b"}{"), "cannot be understood"),
-        "newer": (_changed(Metadata__metadata=lambda r: r.metadata | {"format": "3"}
-                           if r.name == "run" else r.metadata), "log format 3"),
+        "newer": (_changed(Metadata__metadata=lambda r: r.metadata | {"format": "4"}
+                           if r.name == "run" else r.metadata), "log format 4"),
         "note": (_changed(Metadata__metadata=lambda r: {"start_time": "soon"}
                           if r.name != "run" else r.metadata), "metadata impact/test-0: damaged"),
         "clocks": (_changed(Message__log_time=lambda r: r.log_time + WALL * (r.channel_id == 3)),

@@ -73,7 +73,7 @@ def rows_of(strikes: HeadStrikes) -> list[Row]:
 
 
 def strikes_table(falls: Sequence[tuple[str, Sequence[Row]]]) -> Table:
-    """One line per head strike; a fall without one has a line that says so.
+    """One line per head strike; below it, which falls are without.
 
     Args:
         falls: name of each, and its strikes: see :func:`rows_of`.
@@ -86,13 +86,13 @@ def strikes_table(falls: Sequence[tuple[str, Sequence[Row]]]) -> Table:
     for header, right in HEADERS:
         table.add_column(Text(header), justify="right" if right else "left", no_wrap=True)
     for name, strikes in falls:
-        if not strikes:
-            table.add_row(Text(f"{name}: {NOTHING}"))
         for number, strike in enumerate(strikes):
             table.add_row(Text("" if number else name), *_cells(strike))
-    table.caption = Text(
-        "into, along: m/s; body: trunk to the surface, head down, deg; a: krad/s^2"
-    )
+    without = [name for name, strikes in falls if not strikes]
+    lines = [f"{NOTHING}: {', '.join(without)}"] if without else []
+    if len(without) < len(falls):
+        lines.append("into, along: m/s; body: trunk to the surface, head down, deg; a: krad/s^2")
+    table.caption = Text("\n".join(lines))
     table.caption_justify = "left"
     return table
 

@@ -24,7 +24,8 @@ from helmet_sim_ros.mcap_log import ImpactLog
 def command(logs: tuple[Path, ...], form: str, output: Path, only: tuple[str, ...]) -> None:
     """Write every impact of each LOG, and for csv and parquet a table of all results.
 
-    Files: DIR/LOG_IMPACT.csv, DIR/LOG_impacts.csv (.parquet), or DIR/LOG_IMPACT/ for isomme.
+    Files: DIR/LOG_IMPACT.csv, DIR/LOG_impacts.csv (.parquet), or DIR/LOG_IMPACT/ for isomme; of
+    falls their own samples (for isomme at the shortest step throughout) and DIR/LOG_strikes.csv.
     """
     console = PlainConsole()
 
@@ -69,6 +70,13 @@ def export(log: ImpactLog, form: str, output: Path, only: tuple[str, ...] = ()) 
             path = output / f"{stem}_impacts.{form}"
             (tables.write_results_csv if csv else tables.write_results_parquet)(impacts, path)
             written.append(path)
+        falls = [impact for impact in impacts if impact.is_fall]
+        if falls:
+            from helmet_sim_ros.report.falls.logged import result_of
+            from helmet_sim_ros.report.falls.tables import to_csv
+
+            written.append(output / f"{stem}_strikes.csv")
+            written[-1].write_text(to_csv([result_of(fall) for fall in falls]), encoding="utf-8")
     except OSError as error:
         where = error.filename or output
         raise LogError(f"{where}: cannot be written: {error.strerror or error}") from error

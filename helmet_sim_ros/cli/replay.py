@@ -14,6 +14,9 @@ from helmet_sim_ros.cli._logs import FINE, complain, for_each_log, logs_argument
 from helmet_sim_ros.errors import LogError
 from helmet_sim_ros.mcap_log import ImpactLog, LoggedImpact
 
+#: How many times slower than it happens an impact or a fall is shown; choices.
+SLOW_IMPACT, SLOW_FALL = 100.0, 5.0
+
 
 @click.command()
 @logs_argument
@@ -22,8 +25,11 @@ from helmet_sim_ros.mcap_log import ImpactLog, LoggedImpact
               help="Where the videos go; a file for a single one.")  # fmt: skip
 @click.option("--impact", "only", multiple=True, metavar="ID|N",
               help="Only this impact, by id or number, repeatable.")  # fmt: skip
-@click.option("--slow", default=100.0, show_default=True, type=click.FloatRange(1.0, 10000.0),
-              help="How many times slower than the impact.")  # fmt: skip
+@click.option(
+    "--slow",
+    type=click.FloatRange(1.0, 10000.0),
+    help="How many times slower than the impact or fall.  [default: 100; of a fall 5]",
+)
 @click.option("--size", default="1280x720", show_default=True, metavar="WIDTHxHEIGHT")
 @click.option("--rate", default=30, show_default=True, type=click.IntRange(1, 120),
               help="Pictures per second.")  # fmt: skip
@@ -35,7 +41,7 @@ def command(
     logs: tuple[Path, ...],
     output: Path,
     only: tuple[str, ...],
-    slow: float,
+    slow: float | None,
     size: str,
     rate: int,
     close: bool,
@@ -73,14 +79,15 @@ def command(
                 "choose one with --impact, or give a directory"
             )
         for impact in impacts:
+            slower = slow or (SLOW_FALL if impact.is_fall else SLOW_IMPACT)
             if live:
-                _live(impact, slow)
+                _live(impact, slower)
                 continue
             from helmet_sim_ros.report.replay.video import VideoOptions, write_video
 
             name = f"{plain(log.path.stem)}_{plain(impact.impact_id)}.mp4"
             path = output if single else output / name
-            options = VideoOptions(width, height, rate, slow, close, azimuth, elevation)
+            options = VideoOptions(width, height, rate, slower, close, azimuth, elevation)
             count = write_video(impact.record, path, options, label(impact.setup))
             text = f"{os.path.relpath(path)} ({count} pictures)"
             PlainConsole().print(text, markup=False, soft_wrap=True)
@@ -150,6 +157,8 @@ def _live(impact: LoggedImpact, slow: float) -> None:
             now = (time.monotonic() - began) / slow % duration
             index = int(np.searchsorted(record.time, now))
             with viewer.lock():
+                if stage.follows:
+                    viewer.cam.lookat[:] = record.helmet_position[index]
                 scene.pose(record, index)
                 viewer.user_scn.ngeom = 0
                 stage.draw_around(viewer.user_scn, index)

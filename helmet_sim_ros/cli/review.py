@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import Any
 
 import click
 from rich import box
@@ -13,17 +15,22 @@ from rich.table import Table
 from rich.text import Text
 
 from helmet_sim_ros.cli._console import PlainConsole
+from helmet_sim_ros.cli._falls import strike_rows, strikes_table
 from helmet_sim_ros.cli._logs import DIFFERENT, FINE, for_each_log, logs_argument
 from helmet_sim_ros.cli._table import SHORT as COLUMNS
 from helmet_sim_ros.cli._table import VERDICT_STYLE, criteria_table
 from helmet_sim_ros.mcap_log import ImpactLog
+from helmet_sim_ros.mcap_log.strikes import NOTHING
+from helmet_sim_ros.model.fall.strikes import HeadStrikes
 from helmet_sim_ros.present.words import value_text
-from helmet_sim_ros.report.review.check import Reviewed, reviewed
+from helmet_sim_ros.report.review.check import Difference, Reviewed, ReviewedFall, reviewed
+from helmet_sim_ros.report.review.strikes import LoggedStrike
 from helmet_sim_ros.report.review.summary import (
     FOLLOWING,
     LEADING,
     SHORT,
     common,
+    label,
     varying,
 )
 
@@ -44,7 +51,8 @@ def command(
     full_setup: bool,
     as_json: bool,
 ) -> None:
-    """Show the impacts of each LOG; compute their criteria from the logged samples and compare.
+    """Show the impacts of each LOG, and the head strikes of its falls; compute their criteria from
+    the logged samples and compare.
 
     LOG: a log of the recorder, or a bag of ros2 bag record -s mcap with impact/samples.
 
@@ -53,26 +61,36 @@ def command(
     console = PlainConsole()
 
     def show(log: ImpactLog) -> int:
-        rows = list(reviewed(log, standard))
+        found = list(reviewed(log, standard))
+        rows = [row for row in found if isinstance(row, Reviewed)]
+        falls = [row for row in found if isinstance(row, ReviewedFall)]
+        strikes = [strike for fall in falls for strike in fall.strikes]
         if as_json:
-            click.echo(json.dumps(_plain(log, rows)))
+            click.echo(json.dumps(_plain(log, rows, falls)))
         else:
-            _show_log(console, log, rows, full_setup)
+            _show_log(console, log, rows, falls, full_setup)
             if all_criteria:
-                _show_criteria(console, rows)
-        return DIFFERENT if any(row.differences for row in rows) else FINE
+                _show_criteria(console, [*rows, *strikes])
+        differing = [one for one in (*rows, *falls, *strikes) if one.differences]
+        return DIFFERENT if differing else FINE
 
     raise SystemExit(for_each_log(logs, show))
 
 
 def _show_log(
-    console: PlainConsole, log: ImpactLog, rows: list[Reviewed], full_setup: bool
+    console: PlainConsole,
+    log: ImpactLog,
+    rows: list[Reviewed],
+    falls: list[ReviewedFall],
+    full_setup: bool,
 ) -> None:
     def say(text: str, style: str = "") -> None:
         console.print(text, style=style, markup=False, soft_wrap=True)
 
     incomplete = f", {len(log.problems)} incomplete" if log.problems else ""
-    count = f"{len(rows)} complete impact{'s' * (len(rows) != 1)}"
+    counts = [(len(rows), "impact")] if rows or not falls else []
+    counts += [(len(falls), "fall")] if falls else []
+    count = " and ".join(f"{n} complete {what}{'s' * (n != 1)}" for n, what in counts)
     say(f"{os.path.relpath(log.path)}: {count}{incomplete}", "bold")
     run = log.run
     made = [run.get("scenario", ""), run.get("started", ""), log.library]
@@ -83,22 +101,52 @@ def _show_log(
         say(f"  warning: {warning}", "yellow")
     for problem in log.problems:
         say(f"  {problem}", "yellow")
-    if not rows:
+    setups = [row.impact.setup for row in rows] + [row.fall.setup for row in falls]
+    if not setups:
         return
-    setups = [row.impact.setup for row in rows]
     values = common(setups)
     names = list(values) if full_setup else [name for name in SHORT if name in values]
     say("  setup: " + ", ".join(f"{name} = {value_text(values[name])}" for name in names))
     if any(models := _models(rows)):
         say("  model: " + ", ".join(f"{k} {v}".strip() for v, k in models.items()))
-    console.print(_table(rows))
+    if rows:
+        console.print(_table(rows))
     for number, row in enumerate(rows, 1):
-        for difference in row.differences[:MOST_DIFFERENCES]:
-            say(f"#{number} {row.impact.impact_id}: {difference}", "red")
-        if len(row.differences) > MOST_DIFFERENCES:
-            say(f"#{number}: {len(row.differences)} differences in all", "red")
-    for warning in dict.fromkeys(w for row in rows for w in row.evaluation.warnings):
+        _show_differences(say, f"#{number}", row.impact.impact_id, row.differences)
+    for number, fall in enumerate(falls, len(rows) + 1):
+        struck = len(fall.strikes)
+        count = f"{struck} head strike{'s' * (struck > 1)}" if struck else NOTHING
+        say(f"#{number} {label(fall.fall.setup)}: {count}, {fall.check}")
+        for one in (fall, *fall.strikes):
+            name = one.fall.impact_id if isinstance(one, ReviewedFall) else one.impact.impact_id
+            _show_differences(say, f"#{number}", name, one.differences)
+    if falls:
+        tables = [(f"#{n}", _strikes(fall)) for n, fall in enumerate(falls, len(rows) + 1)]
+        console.print(strikes_table(tables))
+    judged = [*rows, *(strike for fall in falls for strike in fall.strikes)]
+    for warning in dict.fromkeys(w for row in judged for w in row.evaluation.warnings):
         say(f"note: {warning}", "dim")
+
+
+def _show_differences(
+    say: Callable[[str, str], None], short: str, name: str, differences: Sequence[Difference]
+) -> None:
+    for difference in differences[:MOST_DIFFERENCES]:
+        say(f"{short} {name}: {difference}", "red")
+    if len(differences) > MOST_DIFFERENCES:
+        say(f"{short}: {len(differences)} differences in all", "red")
+
+
+def _found(fall: ReviewedFall) -> HeadStrikes:
+    return HeadStrikes(
+        strike.impact.found for strike in fall.strikes if isinstance(strike.impact, LoggedStrike)
+    )
+
+
+def _strikes(fall: ReviewedFall) -> list[Mapping[str, Any]]:
+    """Rows of the table of strikes."""
+    plain = zip(_found(fall).rows(()), fall.strikes, strict=True)
+    return strike_rows([row | {"evaluation": s.evaluation.as_dict()} for row, s in plain])
 
 
 def _table(rows: list[Reviewed]) -> Table:
@@ -158,24 +206,44 @@ def _versions(run: dict[str, str]) -> str:
     return ", ".join(texts)
 
 
-def _plain(log: ImpactLog, rows: list[Reviewed]) -> dict[str, object]:
+def _plain(log: ImpactLog, rows: list[Reviewed], falls: list[ReviewedFall]) -> dict[str, object]:
     return {
         "log": str(log.path),
         "run": log.run,
         "library": log.library,
         "warnings": list(log.warnings),
         "problems": list(log.problems),
-        "impacts": [
+        "impacts": [_plain_impact(row) for row in rows],
+        "falls": [
             {
-                "impact_id": row.impact.impact_id,
-                "start_time": row.impact.start_time,
-                "samples": row.impact.samples,
-                "model_hash": row.impact.model_hash,
-                "setup": dict(row.impact.setup),
-                "criteria_logged": row.has_logged,
-                "differences": [vars(difference) for difference in row.differences],
-                "evaluation": row.evaluation.as_dict(),
+                "impact_id": fall.fall.impact_id,
+                "start_time": fall.fall.start_time,
+                "samples": fall.fall.samples,
+                "model_hash": fall.fall.model_hash,
+                "setup": dict(fall.fall.setup),
+                "strikes_logged": fall.has_logged,
+                "differences": [vars(difference) for difference in fall.differences],
+                "strikes": [
+                    row | {
+                        "differences": [vars(difference) for difference in strike.differences],
+                        "evaluation": strike.evaluation.as_dict(),
+                    }
+                    for row, strike in zip(_found(fall).rows(()), fall.strikes, strict=True)
+                ],
             }
-            for row in rows
+            for fall in falls
         ],
+    }  # fmt: skip
+
+
+def _plain_impact(row: Reviewed) -> dict[str, object]:
+    return {
+        "impact_id": row.impact.impact_id,
+        "start_time": row.impact.start_time,
+        "samples": row.impact.samples,
+        "model_hash": row.impact.model_hash,
+        "setup": dict(row.impact.setup),
+        "criteria_logged": row.has_logged,
+        "differences": [vars(difference) for difference in row.differences],
+        "evaluation": row.evaluation.as_dict(),
     }

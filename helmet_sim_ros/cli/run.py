@@ -79,7 +79,7 @@ def command(
     prepare_environment(domain_id)
     # The nodes open no file because a client names it, except these.
     told = [case.setup.described() for case in plan.cases]
-    chosen = {values.get(name) for values in told for name in FILE_VALUES} - {None}
+    chosen = {str(values[name]) for values in told for name in FILE_VALUES if values.get(name)}
     files = filter(is_path, chosen)
     named = sorted(str(Path(name).expanduser().resolve()) for name in files)
     paths: dict[str, Any] = {"config_paths": named} if named else {}

@@ -275,8 +275,8 @@ def _stretches(value: object) -> tuple[tuple[int, int], ...]:
     Raises:
         PulseError: not pairs of integers.
     """
-    pairs = value if isinstance(value, list) else [value]
+    pairs = value if isinstance(value, list | tuple) else [value]
     for pair in pairs:
-        if not isinstance(pair, list) or [type(number) for number in pair] != [int, int]:
+        if not isinstance(pair, list | tuple) or [type(number) for number in pair] != [int, int]:
             raise PulseError(f"{DENSE}: must be pairs of integers, not {pair!r:.80}")
-    return tuple((first, last) for first, last in pairs)
+    return tuple((pair[0], pair[1]) for pair in pairs)

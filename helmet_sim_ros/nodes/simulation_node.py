@@ -229,7 +229,9 @@ def _outcome(record: ImpactRecord, kind: str) -> dict[str, Any]:
         return {"peak_g": evaluate(record).peak_g.value}
     from helmet_sim_ros.model.fall.strikes import head_strikes  # loads what only falls need
 
-    return {"strikes": head_strikes(record).rows()}
+    found = head_strikes(record)
+    peak = None if found.worst is None else found.worst.evaluation.peak_g.value
+    return {"strikes": len(found), "peak_g": peak}
 
 
 def main(args: list[str] | None = None) -> int:

@@ -62,7 +62,7 @@
   page.replay = (figure, data, histories) => {
     const scene = data.replay, shapes = scene.shapes;
     const canvas = figure.querySelector("canvas"), ctx = canvas.getContext("2d");
-    const { replay_time: time, replay_poses: poses, replay_arrows: arrows } = data.arrays;
+    const { replay_time: time, replay_poses: poses, replay_arrows: arrows, replay_surface: places } = data.arrays;
     const count = time.length, slider = figure.querySelector("input");
     const control = (name) => figure.querySelector(`[data-act=${name}]`);
     const place = Object.fromEntries(shapes.map((s, i) => [s.name, i]));
@@ -109,7 +109,10 @@
       const view = viewed(), all = shapes.map((_, b) => pose(b)), { scale, x, y } = fitted(view, all);
       const to = (p) => [width / 2 + (dot(p, view.right) - x) * scale, height / 2 - (dot(p, view.up) - y) * scale];
       const draw = { view, to, scale };
-      scene.surface.forEach((solid) => surface(solid, all, draw));
+      scene.surface.forEach((solid, s) => {
+        const position = [0, 1, 2].map((k) => places[(s * 3 + k) * count + state.frame]);
+        surface({ ...solid, position }, all, draw);
+      });
       shadow(all, draw);
       const trunk = all.filter(({ shape }) => TRUNK.includes(shape.name));
       const units = all.filter(({ shape }) => !TRUNK.includes(shape.name) && !["head", "helmet"].includes(shape.name))

@@ -20,6 +20,7 @@ from helmet_sim_ros.biomech.record import ImpactRecord
 from helmet_sim_ros.biomech.rotation import to_head_axes
 from helmet_sim_ros.errors import LogError
 from helmet_sim_ros.mcap_log import LoggedImpact
+from helmet_sim_ros.report.review.summary import label
 
 #: From head axes here (x forward, y left, z up) to those of SAE J211 (x forward, y right, z down).
 TO_J211 = np.array([1.0, -1.0, -1.0])
@@ -94,7 +95,7 @@ def write_isomme(impact: LoggedImpact, folder: Path, test_number: str, date: str
         LogError: it cannot be written.
     """
     place = folder / test_number
-    record = impact.record
+    record = impact.record.uniform()
     try:
         (place / "Channel").mkdir(parents=True, exist_ok=True)
         channels = list(head_channels(record))
@@ -113,17 +114,22 @@ def write_isomme(impact: LoggedImpact, folder: Path, test_number: str, date: str
 
 def _test_fields(impact: LoggedImpact, test_number: str, date: str) -> Mapping[str, str]:
     setup = impact.setup
+    title = f"Helmet impact, {setup.get('impact.direction', _NO_VALUE)}"
+    kind = f"Simulated impact, {setup.get('impact.rig', _NO_VALUE)}"
+    if impact.is_fall:
+        title, kind = f"Fall, {label(setup)}", "Simulated fall, rider"
     return {
         "Data format edition number": "2.0",
         "Laboratory name": "helmet_sim_ros (simulation)",
         "Customer name": _NO_VALUE,
         "Customer test ref. number": impact.impact_id,
-        "Title": f"Helmet impact, {setup.get('impact.direction', _NO_VALUE)}",
+        "Title": title,
         "Test number": test_number,
-        "Type of the test": f"Simulated impact, {setup.get('impact.rig', _NO_VALUE)}",
+        "Type of the test": kind,
         "Date of the test": date or _NO_VALUE,
         "Reference system": "SAE J211-1, head axes: x forward, y right, z down",
-        "Comments": "Acceleration is inertial, without gravity; time 0 is the first touch",
+        "Comments": "Acceleration is inertial, without gravity; time 0 is the "
+        + ("start of the fall" if impact.is_fall else "first touch"),
         "Name of test object 1": str(setup.get("helmet.name", _NO_VALUE)),
         "Velocity test object 1": _number(setup.get("impact.normal_velocity")),
         "Mass test object 1": _number(setup.get("helmet.mass")),

@@ -103,11 +103,15 @@ def setup_unit(name: str) -> str:
 
 @lru_cache(maxsize=1)
 def _setup_units() -> dict[str, str]:
+    from helmet_sim_ros.model.fall.setup import fall_leaves
     from helmet_sim_ros.model.helmet import Helmet
     from helmet_sim_ros.model.setup import setup_leaves
     from helmet_sim_ros.schema import leaves
 
-    return {leaf.name: leaf.unit for leaf in [*setup_leaves(), *leaves(Helmet, "helmet.")]}
+    return {
+        leaf.name: leaf.unit
+        for leaf in [*setup_leaves(), *fall_leaves(), *leaves(Helmet, "helmet.")]
+    }
 
 
 def criterion_label(name: str, unit: str) -> str:

@@ -1,4 +1,4 @@
-"""One self-contained HTML page about the impacts of some logs."""
+"""One self-contained HTML page about the impacts of some logs, and the head strikes of falls."""
 
 from __future__ import annotations
 
@@ -12,11 +12,13 @@ from markupsafe import Markup
 
 from helmet_sim_ros.biomech.result import Evaluation
 from helmet_sim_ros.errors import LogError
-from helmet_sim_ros.mcap_log import ImpactLog
+from helmet_sim_ros.mcap_log import ImpactLog, LoggedImpact
+from helmet_sim_ros.mcap_log.strikes import NOTHING
 from helmet_sim_ros.report.page.article import article, messages, setup_rows
 from helmet_sim_ros.report.page.comparison import comparisons
 from helmet_sim_ros.report.page.quantity import pretty
-from helmet_sim_ros.report.review.check import Reviewed, review
+from helmet_sim_ros.report.page.strikes import strikes_section
+from helmet_sim_ros.report.review.check import Reviewed, ReviewedFall, review, review_fall
 from helmet_sim_ros.report.review.summary import common, labels, varying
 from helmet_sim_ros.study.scenario.reference import load_reference
 
@@ -58,14 +60,21 @@ def report_page(logs: Sequence[ImpactLog], standard: str | None = None) -> str:
         LogError: no complete impact, or damaged samples.
         PulseError: no criteria can be computed from an impact.
     """
-    found = [(log, impact) for log in logs for impact in log]
+    falls = [review_fall(impact, standard) for log in logs for impact in log if impact.is_fall]
+    struck = {fall.fall: fall for fall in falls}
+    found = [
+        (log, row)
+        for log in logs
+        for impact in log
+        for row in (struck[impact].strikes if impact in struck else [impact])
+    ]
     problems = [
         f"{log.path.name}: {text}" for log in logs for text in (*log.problems, *log.warnings)
     ]
-    if not found:
+    if not found and not falls:
         paths = ", ".join(str(log.path) for log in logs)
         raise LogError(f"{paths}: no complete impact to report")
-    setups = [impact.setup for _, impact in found]
+    setups = [(row.impact if isinstance(row, Reviewed) else row).setup for _, row in found]
     published = [load_reference("table1").row(setup) or {} for setup in setups]
     models = {
         name: list(dict.fromkeys(m for p in published for m in p.get(name, {})))
@@ -74,20 +83,22 @@ def report_page(logs: Sequence[ImpactLog], standard: str | None = None) -> str:
     different = varying(setups)
     names = list(zip(labels(setups), labels(setups, False), strict=True))
     rows, impacts = [], []
-    for i, (log, impact) in enumerate(found):  # each is read once
-        row = review(impact, standard)
+    for i, (log, one) in enumerate(found):  # each is read once
+        row = one if isinstance(one, Reviewed) else review(one, standard)
         rows.append((log, row))
         impacts.append(
             article(i + 1, log, row, names[i], published[i], models, different, len(found))
         )
     failed = sum(row.evaluation.verdict == "fail" for _, row in rows)
+    differing = [row for row in (*(row for _, row in rows), *falls) if row.differences]
     context = {
         "version": _version(),
         "title": "Impact report: " + ", ".join(log.path.name for log in logs),
-        "verdict": "fail" if failed or any(row.differences for _, row in rows) else "pass",
-        "headline": _headline([row for _, row in rows], failed),
+        "verdict": "fail" if failed or differing else "pass",
+        "headline": _headline([row for _, row in rows], falls, failed, len(differing)),
         "problems": problems,
         "impacts": impacts,
+        **strikes_section([row for _, row in rows], falls),
         "comparisons": comparisons(logs, rows),
         "models": models,
         "reference": load_reference("table1").source,
@@ -103,12 +114,20 @@ def report_page(logs: Sequence[ImpactLog], standard: str | None = None) -> str:
     return environment.from_string(_asset("report.html.j2")).render(context)
 
 
-def _headline(rows: Sequence[Reviewed], failed: int) -> str:
+def _headline(
+    rows: Sequence[Reviewed], falls: Sequence[ReviewedFall], failed: int, differing: int
+) -> str:
     titles = ", ".join(dict.fromkeys(row.evaluation.title for row in rows))
-    count = f"{len(rows)} impact" + ("s" if len(rows) > 1 else "")
+    what = "head strike" if falls else "impact"
+    if falls and any(isinstance(row.impact, LoggedImpact) for row in rows):
+        what = "impact or head strike"
+    count = f"{len(rows)} {what}" + ("s" if len(rows) > 1 else "")
+    if falls:
+        count = f"{len(falls)} fall{'s' * (len(falls) > 1)}, " + count
+    if not rows:
+        return f"{len(falls)} fall{'s' * (len(falls) > 1)}: {NOTHING}"
     text = f"{count}: {failed} above a limit" if failed else f"{count}, all within the limits"
     text += f" of {titles}"
-    differing = sum(bool(row.differences) for row in rows)
     if differing:
         text += f"; {differing} with logged criteria that the samples do not give"
     return text

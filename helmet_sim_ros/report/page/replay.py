@@ -7,8 +7,8 @@ import numpy as np
 from helmet_sim_ros.biomech.record import FloatArray, ImpactRecord
 from helmet_sim_ros.model.arrows import force_arrows
 from helmet_sim_ros.model.scene import SceneShape
-from helmet_sim_ros.model.surface.drawing import Primitive, drawn
-from helmet_sim_ros.report.replay.scene import scene_of
+from helmet_sim_ros.model.surface.drawing import Primitive
+from helmet_sim_ros.report.replay.scene import scene_of, surroundings
 
 #: Pictures of one replay.
 FRAMES = 81
@@ -23,7 +23,8 @@ def replay_data(record: ImpactRecord) -> tuple[dict[str, object], dict[str, Floa
         ``shapes`` (name, kind, size [m], cloth), ``face`` of the helmet, ``surface`` (kind, size,
         position, rotation row by row), ``names`` and ``arrowColors``; and the arrays ``time`` [ms],
         ``poses``: x, y, z, quaternion x, y, z, w of every shape, each over the frames, and
-        ``arrows``: tail and tip of every force arrow, each over the frames.
+        ``arrows``: tail and tip of every force arrow, and ``surface``: position of every solid,
+        each over the frames.
 
     Raises:
         LogError: this version's model cannot show the record.
@@ -31,6 +32,7 @@ def replay_data(record: ImpactRecord) -> tuple[dict[str, object], dict[str, Floa
     scene = scene_of(record)
     frames = np.unique(np.linspace(0, len(record) - 1, FRAMES).astype(int))
     poses, arrows = [], []
+    around = [surroundings(scene, time) for time in record.time[frames].tolist()]
     for index in frames.tolist():
         poses.append(np.hstack(scene.poses(record, index)))
         arrows.append([np.hstack([a.tail, a.tip]) for a in force_arrows(record, index)])
@@ -42,7 +44,7 @@ def replay_data(record: ImpactRecord) -> tuple[dict[str, object], dict[str, Floa
             for s in scene.shapes
         ],
         "face": "open" if open_face else "full",
-        "surface": [_solid(solid) for solid in drawn(scene.setup.surface_config)],
+        "surface": [_solid(solid) for solid in around[0]],
         "arrowColors": [css_color(arrow.color) for arrow in first],
         "names": [arrow.name for arrow in first],
     }
@@ -51,6 +53,9 @@ def replay_data(record: ImpactRecord) -> tuple[dict[str, object], dict[str, Floa
         "time": record.time[frames] * 1e3,
         "poses": np.moveaxis(np.array(poses), 0, -1),
         "arrows": np.moveaxis(np.array(arrows), 0, -1),
+        "surface": np.moveaxis(
+            np.array([[s.position for s in solids] for solids in around]), 0, -1
+        ),
     }
 
 

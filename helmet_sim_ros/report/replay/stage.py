@@ -7,16 +7,19 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 
-from helmet_sim_ros.biomech.record import FloatArray, ImpactRecord
+from helmet_sim_ros.biomech.record import FloatArray, ImpactRecord, is_fall
 from helmet_sim_ros.model.arrows import force_arrows
 from helmet_sim_ros.model.scene import Scene
-from helmet_sim_ros.report.replay.scene import scene_of
+from helmet_sim_ros.report.replay.scene import scene_of, surroundings
 
 _KINDS = {
     "ellipsoid": mujoco.mjtGeom.mjGEOM_ELLIPSOID,
     "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE,
+    "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
+    "box": mujoco.mjtGeom.mjGEOM_BOX,
+    "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
 }
-_GROUND = (0.78, 0.80, 0.82, 1.0)
+_GROUND, _SOLID = (0.78, 0.80, 0.82, 1.0), (0.62, 0.66, 0.72, 1.0)
 _LINE = (0.60, 0.63, 0.66, 1.0)
 _TILE, _HALF = 0.25, 2.0  # m, spacing of the ground's lines and half its edge
 _SHAFT = 0.012  # m, half width of an arrow
@@ -29,6 +32,7 @@ class Stage:
 
     Attributes:
         scene: posed by :meth:`draw`.
+        follows: whether the camera follows the helmet: of a fall.
     """
 
     def __init__(self, record: ImpactRecord) -> None:
@@ -39,6 +43,7 @@ class Stage:
         """
         self.record = record
         self.scene: Scene = scene_of(record)
+        self.follows = is_fall(record.setup)
         model = self.scene.model
         model.vis.headlight.ambient[:] = 0.45
         model.vis.headlight.diffuse[:] = 0.55
@@ -65,7 +70,8 @@ class Stage:
 
     def draw_around(self, target: mujoco.MjvScene, index: int) -> None:
         """Add ground and forces of one sample to a scene."""
-        x, y = np.round(self.record.helmet_position[0][:2] / _TILE) * _TILE
+        seen = index if self.follows else 0
+        x, y = np.round(self.record.helmet_position[seen][:2] / _TILE) * _TILE
         flat = np.eye(3).ravel()
         _add(
             target, mujoco.mjtGeom.mjGEOM_BOX, (_HALF, _HALF, 0.005), (x, y, -0.006), flat, _GROUND
@@ -74,6 +80,10 @@ class Stage:
             box = mujoco.mjtGeom.mjGEOM_BOX
             _add(target, box, (0.003, _HALF, 0.001), (x + offset, y, 0.0), flat, _LINE)
             _add(target, box, (_HALF, 0.003, 0.001), (x, y + offset, 0.0), flat, _LINE)
+        for solid in surroundings(self.scene, float(self.record.time[index])):
+            if solid.kind != "plane":
+                kind = _KINDS[solid.kind]
+                _add(target, kind, solid.size, solid.position, solid.rotation.ravel(), _SOLID)
         for arrow in force_arrows(self.record, index):
             if arrow.visible:
                 geom = _add(

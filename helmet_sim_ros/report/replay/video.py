@@ -1,4 +1,4 @@
-"""An impact in slow motion as a video: bodies, force arrows, and the pulse as a time bar."""
+"""An impact or fall in slow motion as a video: bodies, force arrows, the pulse as a time bar."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ Picture = NDArray[np.uint8]
 
 _BAR = 0.13  # height of the time bar, share of the picture's
 _FIELD_OF_VIEW = 45.0  # deg, MuJoCo's default
+_FAR, _CLOSE = 4.5, 1.2  # m, from the helmet of a fall to the camera: rider or helmet in view
 
 
 @dataclass(frozen=True)
@@ -30,7 +31,7 @@ class VideoOptions:
     Attributes:
         width, height: [pixel], even.
         rate: pictures per second.
-        slow: how many times slower than the impact.
+        slow: how many times slower than the impact or fall.
         close: head and helmet only.
         azimuth, elevation: of the view [deg].
     """
@@ -87,6 +88,8 @@ def pictures(record: ImpactRecord, options: VideoOptions, title: str = "") -> It
     bar = TimeBar(record, options.width, round(_BAR * options.height), title)
     with mujoco.Renderer(model, options.height, options.width) as renderer:
         for index in frame_indices(record, options):
+            if stage.follows:
+                camera.lookat[:] = record.helmet_position[index]
             renderer.update_scene(stage.scene.data, camera, nothing)
             stage.draw(renderer.scene, index)
             picture = renderer.render()
@@ -98,7 +101,10 @@ def frame_indices(record: ImpactRecord, options: VideoOptions) -> list[int]:
     """The sample of each picture."""
     duration = float(record.time[-1] - record.time[0])
     count = max(2, round(duration * options.slow * options.rate) + 1)
-    return np.linspace(0, len(record) - 1, count).round().astype(int).tolist()  # type: ignore[no-any-return]
+    if record.is_uniform:
+        return np.linspace(0, len(record) - 1, count).round().astype(int).tolist()  # type: ignore[no-any-return]
+    times = np.linspace(record.time[0], record.time[-1], count)
+    return np.searchsorted(record.time, times).tolist()  # type: ignore[no-any-return]
 
 
 def _camera(stage: Stage, options: VideoOptions) -> mujoco.MjvCamera:
@@ -113,6 +119,8 @@ def _camera(stage: Stage, options: VideoOptions) -> mujoco.MjvCamera:
     camera.distance = (
         radius / np.tan(np.radians(0.5 * _FIELD_OF_VIEW)) * (1.3 if options.close else 1)
     )
+    if stage.follows:  # a fall leads far away
+        camera.distance = _CLOSE if options.close else _FAR
     camera.azimuth, camera.elevation = options.azimuth, options.elevation
     return camera
 
@@ -129,7 +137,8 @@ class TimeBar:
         self._font = ImageFont.load_default(size=max(11, height // 5))
         peak = max(float(self._g.max()), 1e-9)
         inner = width - 2 * self._margin
-        x = self._margin + inner * np.arange(len(self._g)) / max(len(self._g) - 1, 1)
+        past = record.time - record.time[0]
+        x = self._margin + inner * past / max(float(past[-1]), 1e-9)
         y = height - self._margin - (height - 2 * self._margin) * 0.62 * self._g / peak
         self._curve = list(zip(x.tolist(), y.tolist(), strict=True))
 

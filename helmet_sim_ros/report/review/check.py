@@ -11,7 +11,8 @@ from helmet_sim_ros.biomech.standards import DEFAULT_STANDARD
 from helmet_sim_ros.errors import LogError
 from helmet_sim_ros.mcap_log import ImpactLog, LoggedImpact
 from helmet_sim_ros.mcap_log.strikes import JudgedStrike
-from helmet_sim_ros.report.review.strikes import LoggedStrike, found_strikes, logged_strikes
+from helmet_sim_ros.model.fall.strikes import HeadStrikes
+from helmet_sim_ros.report.review.strikes import LoggedStrike, beside_logged, found_strikes
 
 #: Largest relative difference that another processor or library version may cause.
 TOLERANCE = 1e-9
@@ -39,7 +40,7 @@ class Difference:
 
 @dataclass(frozen=True)
 class Reviewed:
-    """One impact, fall or head strike of a fall after review.
+    """One impact, or head strike of a fall, after review.
 
     Attributes:
         impact: of the log.
@@ -61,21 +62,62 @@ class Reviewed:
         return "same" if self.has_logged else "not logged"
 
 
-def reviewed(log: ImpactLog, standard: str | None = None) -> Iterator[Reviewed]:
-    """Every impact and fall of a log after review; behind a fall its head strikes.
+@dataclass(frozen=True)
+class ReviewedFall:
+    """One fall after review.
+
+    Attributes:
+        fall: of the log.
+        strikes: its head strikes, found in the logged samples; none: no head contact.
+        differences: what of the table of strikes was logged otherwise.
+        has_logged: whether the log has the strikes of this fall.
+    """
+
+    fall: LoggedImpact
+    strikes: tuple[Reviewed, ...]
+    differences: tuple[Difference, ...]
+    has_logged: bool
+
+    @property
+    def check(self) -> str:
+        """``same``, ``DIFFERS`` or ``not logged``, strikes included."""
+        if self.differences or any(strike.differences for strike in self.strikes):
+            return "DIFFERS"
+        return "same" if self.has_logged else "not logged"
+
+
+def reviewed(log: ImpactLog, standard: str | None = None) -> Iterator[Reviewed | ReviewedFall]:
+    """Every impact and fall of a log after review.
 
     Raises: see :func:`review`.
     """
     for impact in log:
-        yield review(impact, standard)
-        if impact.is_fall:
-            for strike in logged_strikes(impact):
-                yield review(strike, standard)
+        yield review_fall(impact, standard) if impact.is_fall else review(impact, standard)
+
+
+def review_fall(fall: LoggedImpact, standard: str | None = None) -> ReviewedFall:
+    """Find and judge the head strikes of a fall again, and compare.
+
+    Args and errors: see :func:`review`.
+    """
+    differences: list[Difference] = []
+    try:
+        logged = fall.strikes
+    except LogError as error:
+        logged = None
+        differences.append(Difference("head strikes", "", str(error), "complete"))
+    found = found_strikes(fall)
+    strikes = beside_logged(fall, found, logged or ())
+    if logged is not None:
+        differences += _strike_differences(found, logged)
+    return ReviewedFall(
+        fall, tuple(review(strike, standard) for strike in strikes), tuple(differences),
+        logged is not None,
+    )  # fmt: skip
 
 
 def review(impact: LoggedImpact | LoggedStrike, standard: str | None = None) -> Reviewed:
-    """Compute the criteria of an impact again and compare. Of a fall, the table of its head strikes
-    is compared; its criteria are those of all its samples as one pulse, and never logged.
+    """Compute the criteria of an impact or a head strike again and compare.
 
     Args:
         impact: of a log.
@@ -86,10 +128,7 @@ def review(impact: LoggedImpact | LoggedStrike, standard: str | None = None) -> 
         PulseError: no criteria can be computed from them.
         SetupError: the standard is unknown here.
     """
-    strikes: tuple[JudgedStrike, ...] | None = None
     try:
-        if isinstance(impact, LoggedImpact):
-            strikes = impact.strikes
         logged, problem = impact.logged, ""
     except LogError as error:
         logged, problem = None, str(error)
@@ -100,12 +139,9 @@ def review(impact: LoggedImpact | LoggedStrike, standard: str | None = None) -> 
         differences.append(Difference("criteria", "", problem, "complete"))
     if logged is not None:
         differences += evaluation_differences(logged, computed)
-    if isinstance(impact, LoggedImpact) and strikes is not None:
-        differences += _strike_differences(impact, strikes)
     if standard is not None and standard != used:
         computed = impact.evaluate(standard)
-    has_logged = logged is not None or strikes is not None
-    return Reviewed(impact, computed, tuple(differences), has_logged)
+    return Reviewed(impact, computed, tuple(differences), logged is not None)
 
 
 def evaluation_differences(logged: Evaluation, computed: Evaluation) -> Iterator[Difference]:
@@ -128,14 +164,12 @@ def _criterion_differences(old: Criterion, new: Criterion) -> Iterator[Differenc
 
 
 def _strike_differences(
-    fall: LoggedImpact, logged: tuple[JudgedStrike, ...]
+    found: HeadStrikes, logged: tuple[JudgedStrike, ...]
 ) -> Iterator[Difference]:
     """Where the table of head strikes was logged otherwise; their criteria are compared alone."""
-    found = found_strikes(fall).rows()
     if len(found) != len(logged):
         yield Difference("head strikes", "number", len(logged), len(found))
-        return
-    for number, (old, new) in enumerate(zip(logged, found, strict=True), 1):
+    for number, (old, new) in enumerate(zip(logged, found.rows(()), strict=False), 1):
         for name, value in new.items():
             if not _same(old.row.get(name), value):
                 yield Difference(f"strike {number}", name, old.row.get(name), value)

@@ -13,6 +13,7 @@ from helmet_sim_ros.biomech.pulse import STANDARD_GRAVITY
 from helmet_sim_ros.biomech.result import Criterion
 from helmet_sim_ros.errors import PulseError
 from helmet_sim_ros.mcap_log import ImpactLog, LoggedImpact
+from helmet_sim_ros.report.review.strikes import LoggedStrike
 from helmet_sim_ros.report.review.summary import label
 
 #: Channels whose histories are rated.
@@ -21,7 +22,8 @@ RATED = ("head_acceleration", "head_angular_velocity")
 #: Setup values by which impacts of two logs belong together; helmet and rider may differ.
 PAIRED_BY = (
     "impact.rig", "impact.direction", "impact.normal_velocity", "impact.tangential_velocity",
-    "impact.tangential_heading_deg", "impact.body_angle_deg",
+    "impact.tangential_heading_deg", "impact.body_angle_deg", "fall.preset", "fall.scene",
+    "fall.speed", "fall.heading_deg", "fall.pitch_deg", "fall.roll_deg", "fall.height",
 )  # fmt: skip
 
 
@@ -87,7 +89,7 @@ class Likeness:
 def likeness(pair: Pair) -> Likeness:
     """The histories of both impacts of a pair against each other; both are there."""
     assert pair.a is not None and pair.b is not None
-    records = pair.a.record, pair.b.record
+    records = pair.a.record.uniform(), pair.b.record.uniform()
     try:
         return Likeness(
             {channel: channel_rating(*records, channel) for channel in RATED},
@@ -136,7 +138,7 @@ def changes(
         yield Change(name, unit, _value(a, name), _value(b, name), tolerance)
 
 
-def pairing_key(impact: LoggedImpact) -> tuple[object, ...]:
+def pairing_key(impact: LoggedImpact | LoggedStrike) -> tuple[object, ...]:
     """What impacts of several logs that belong together share."""
     values = [impact.setup.get(name) for name in PAIRED_BY]
     return tuple(round(v, 9) if isinstance(v, float | np.floating) else v for v in values)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -93,16 +93,11 @@ def found_strikes(fall: LoggedImpact) -> HeadStrikes:
         raise LogError(f"fall {fall.impact_id}: {error}") from error
 
 
-def logged_strikes(fall: LoggedImpact) -> Iterator[LoggedStrike]:
-    """The head strikes of a logged fall, each beside what was logged of it.
-
-    Raises:
-        LogError: the samples are damaged, or this version does not know the setup.
-    """
-    try:
-        judged = fall.strikes or ()
-    except LogError:  # what was logged is no result: told of the fall itself
-        judged = ()
-    for number, found in enumerate(found_strikes(fall), 1):
-        beside = judged[number - 1] if number <= len(judged) else None
-        yield LoggedStrike(fall, number, found, beside)
+def beside_logged(
+    fall: LoggedImpact, found: HeadStrikes, judged: Sequence[JudgedStrike]
+) -> list[LoggedStrike]:
+    """Head strikes as found, each beside what was logged of it."""
+    return [
+        LoggedStrike(fall, number, strike, judged[number - 1] if number <= len(judged) else None)
+        for number, strike in enumerate(found, 1)
+    ]

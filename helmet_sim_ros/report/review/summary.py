@@ -21,7 +21,10 @@ SHORT = (
 
 
 def label(setup: Setup) -> str:
-    """``left, 5 m/s, 10 m/s along the ground``."""
+    """``left, 5 m/s, 10 m/s along the ground``; of a fall ``motorcycle, 10 m/s, road``."""
+    if LEADING[0] not in setup and "fall.preset" in setup:
+        preset, speed, scene = (setup.get(f"fall.{n}") for n in ("preset", "speed", "scene"))
+        return f"{preset}, {value_text(speed)} m/s, {scene}"
     direction, normal, tangential = (setup.get(name) for name in LEADING)
     parts = [str(direction or "impact")]
     if isinstance(normal, int | float):

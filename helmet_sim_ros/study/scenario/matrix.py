@@ -78,6 +78,19 @@ class Case:
     values: Mapping[str, object]
     reference: Published | None = None
 
+    @property
+    def impact(self) -> ImpactSetup:
+        """The setup of a case that is an impact.
+
+        Raises:
+            SetupError: it is a fall.
+        """
+        if isinstance(self.setup, Fall):
+            raise SetupError.of(
+                "fall.preset", self.setup.preset, f"{self.name} is a fall, an impact is needed"
+            )
+        return self.setup
+
 
 @dataclass(frozen=True)
 class Scenario:
