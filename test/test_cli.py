@@ -15,6 +15,7 @@ from helmet_sim_ros.cli import Verbs, main
 from helmet_sim_ros.cli import run as run_verb
 from helmet_sim_ros.cli._table import criteria_table, result_table
 from helmet_sim_ros.cli.call import option_name
+from helmet_sim_ros.model.fall.setup import fall_leaves
 from helmet_sim_ros.model.setup import setup_leaves
 
 
@@ -113,13 +114,18 @@ def test_a_file_in_the_place_of_the_output_directory_is_refused(helmet_sim, tmp_
     assert "--output logs" in result.output
 
 
-def test_every_value_of_a_setup_has_its_own_option(helmet_sim):
-    names = [option_name(leaf) for leaf in setup_leaves()]
+@pytest.mark.parametrize(
+    ("kind", "found", "some"),
+    [
+        ("impact", setup_leaves(), {"--normal-velocity", "--tangential-velocity", "--rider-mass"}),
+        ("fall", fall_leaves(), {"--preset", "--scene", "--speed", "--rider-mass"}),
+    ],
+)
+def test_every_value_of_a_setup_has_its_own_option(helmet_sim, kind, found, some):
+    names = [option_name(leaf) for leaf in found]
     assert len(names) == len(set(names))
-    assert {"--normal-velocity", "--tangential-velocity", "--rider-mass", "--time-step"} <= set(
-        names
-    )
-    text = helmet_sim("call", "impact", "--help").output
+    assert some | {"--time-step"} <= set(names)
+    text = helmet_sim("call", kind, "--help").output
     assert all(name in text for name in names)
 
 

@@ -22,6 +22,8 @@ pytest.importorskip("rclpy", reason="no ROS 2 Python client is installed")
 
 from helmet_sim_ros.biomech.evaluation import evaluate
 from helmet_sim_ros.cli._client import call, ros_client, wait_for_service
+from helmet_sim_ros.mcap_log import open_log
+from helmet_sim_ros.model.fall.strikes import head_strikes
 from helmet_sim_ros.model.impact import simulate
 from helmet_sim_ros.study import load_scenario
 
@@ -37,6 +39,16 @@ product: {impact.normal_velocity: [2.5, 5]}
 LONG = """
 common: {impact.rig: headform, sim.duration: 1.0}
 product: {impact.friction: [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0]}
+"""
+MIXED = """
+description: two short drops and two short falls, one of which meets nothing
+common: {}
+cases:
+  - {name: vn2.5, impact: {rig: headform, normal_velocity: 2.5}, sim.duration: 0.02}
+  - {name: vn5, impact: {rig: headform, normal_velocity: 5.0}, sim.duration: 0.02}
+  - {name: struck, fall: {preset: pedestrian, pitch_deg: 170.0, height: 1.2, scene: car, x: 0.3},
+     sim.duration: 0.1}
+  - {name: loose, fall: {preset: pedestrian, height: 1.4}, sim.duration: 0.05}
 """
 DIVERGING = """
 common: {impact.rig: headform, sim.duration: 0.02}
@@ -59,6 +71,7 @@ def start(domain: None, tmp_path: Path) -> Iterator[Callable[..., subprocess.Pop
     """Start helmet-sim in an empty directory; whatever is left is killed at the end."""
     (tmp_path / "drops.yaml").write_text(TWO_DROPS)
     (tmp_path / "long.yaml").write_text(LONG)
+    (tmp_path / "mixed.yaml").write_text(MIXED)
     (tmp_path / "diverging.yaml").write_text(DIVERGING)
     started = []
 
@@ -119,22 +132,29 @@ def recording(folder: Path) -> bool:
     return any(folder.glob("*.part"))
 
 
-def test_a_scenario_runs_from_nodes_to_table_and_log(start, tmp_path):
-    process = start("run", "drops.yaml", "--all-criteria")
-    output, _ = process.communicate(timeout=120)
+def test_a_scenario_runs_from_nodes_to_tables_and_log(start, tmp_path):
+    process = start("run", "mixed.yaml", "--all-criteria")
+    output, _ = process.communicate(timeout=240)
     assert process.returncode == 0, output
-    expected = [
-        evaluate(simulate(setup)) for setup in load_scenario(tmp_path / "drops.yaml").setups
-    ]
-    for velocity, result in zip(("vn2.5", "vn5"), expected, strict=True):
-        line = next(text for text in output.splitlines() if text.split()[:1] == [velocity])
-        assert line.split()[1] == f"{result.peak_g.value:.0f}"
-    assert "2 of 2 impacts evaluated" in output
-    assert "peak_normal_force" in output
+    lines = [text.split() for text in output.splitlines()]
+    scenario = load_scenario(tmp_path / "mixed.yaml")
+    for velocity, setup in zip(("vn2.5", "vn5"), scenario.setups, strict=True):
+        line = next(words for words in lines if words[:1] == [velocity])
+        assert line[1] == f"{evaluate(simulate(setup)).peak_g.value:.0f}"
+    (strike,) = head_strikes(simulate(scenario.falls[0]))
+    line = next(words for words in lines if words[:1] == ["struck"])
+    assert line[1:3] == [f"{strike.time:.3f}", "bumper"] and line[-1] == "pass"
+    assert f"{strike.evaluation.peak_g.value:.0f}" in line
+    assert "no head contact: loose" in output
+    assert "4 of 4 cases evaluated" in output
+    assert "peak_normal_force" in output and "struck, strike 1" in output
     log = next(text for text in output.splitlines() if text.startswith("log: "))
     file = tmp_path / log.removeprefix("log: ")
     assert file.read_bytes()[:8] == MAGIC == file.read_bytes()[-8:]
-    assert file.name.startswith("drops_")
+    assert file.name.startswith("mixed_")
+    assert [impact.is_fall for impact in open_log(file)] == [False, False, True, True]
+    table = (tmp_path / "logs" / "mixed" / "strikes.csv").read_text().splitlines()
+    assert len(table) == 2 and table[1].startswith("struck,1,")
 
 
 @pytest.mark.parametrize(("option", "count"), [("--four-processes", 4), ("--one-process", 0)])
