@@ -71,8 +71,8 @@ def command(
             _show_log(console, log, rows, falls, full_setup)
             if all_criteria:
                 _show_criteria(console, [*rows, *strikes])
-        differing = [one for one in (*rows, *falls, *strikes) if one.differences]
-        return DIFFERENT if differing else FINE
+        differing = any(row.differences for row in (*rows, *strikes))
+        return DIFFERENT if differing or any(fall.differences for fall in falls) else FINE
 
     raise SystemExit(for_each_log(logs, show))
 
@@ -117,9 +117,9 @@ def _show_log(
         struck = len(fall.strikes)
         count = f"{struck} head strike{'s' * (struck > 1)}" if struck else NOTHING
         say(f"#{number} {label(fall.fall.setup)}: {count}, {fall.check}")
-        for one in (fall, *fall.strikes):
-            name = one.fall.impact_id if isinstance(one, ReviewedFall) else one.impact.impact_id
-            _show_differences(say, f"#{number}", name, one.differences)
+        _show_differences(say, f"#{number}", fall.fall.impact_id, fall.differences)
+        for strike in fall.strikes:
+            _show_differences(say, f"#{number}", strike.impact.impact_id, strike.differences)
     if falls:
         tables = [(f"#{n}", _strikes(fall)) for n, fall in enumerate(falls, len(rows) + 1)]
         console.print(strikes_table(tables))

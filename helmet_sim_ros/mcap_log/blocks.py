@@ -275,7 +275,7 @@ def _stretches(value: object) -> tuple[tuple[int, int], ...]:
     Raises:
         PulseError: not pairs of integers.
     """
-    pairs = value if isinstance(value, list | tuple) else [value]
+    pairs: list[Any] = list(value) if isinstance(value, list | tuple) else [value]
     for pair in pairs:
         if not isinstance(pair, list | tuple) or [type(number) for number in pair] != [int, int]:
             raise PulseError(f"{DENSE}: must be pairs of integers, not {pair!r:.80}")

@@ -90,12 +90,13 @@ def report_page(logs: Sequence[ImpactLog], standard: str | None = None) -> str:
             article(i + 1, log, row, names[i], published[i], models, different, len(found))
         )
     failed = sum(row.evaluation.verdict == "fail" for _, row in rows)
-    differing = [row for row in (*(row for _, row in rows), *falls) if row.differences]
+    differing = sum(bool(row.differences) for _, row in rows)
+    differing += sum(bool(fall.differences) for fall in falls)
     context = {
         "version": _version(),
         "title": "Impact report: " + ", ".join(log.path.name for log in logs),
         "verdict": "fail" if failed or differing else "pass",
-        "headline": _headline([row for _, row in rows], falls, failed, len(differing)),
+        "headline": _headline([row for _, row in rows], falls, failed, differing),
         "problems": problems,
         "impacts": impacts,
         **strikes_section([row for _, row in rows], falls),
