@@ -112,8 +112,8 @@ def command(
 def counted(plan: Scenario) -> str:
     """How many impacts and falls there are, in words."""
     falls = len(plan.falls)
-    counts = ((len(plan.cases) - falls, "impacts"), (falls, "falls"))
-    return " and ".join(f"{count} {what}" for count, what in counts if count)
+    counts = ((len(plan.cases) - falls, "impact"), (falls, "fall"))
+    return " and ".join(f"{count} {what}{'s' * (count > 1)}" for count, what in counts if count)
 
 
 def run_scenario(nodes: Nodes, service: str, cases: int, console: Console) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from helmet_sim_ros.explore import export, markup
 from helmet_sim_ros.explore.presets import Collection
 from helmet_sim_ros.explore.session import Session, Side
 from helmet_sim_ros.explore.widgets import put
-from helmet_sim_ros.mcap_log import ImpactLog, open_log
+from helmet_sim_ros.mcap_log import ImpactLog, LoggedImpact, open_log
 from helmet_sim_ros.report.review.summary import labels
 
 #: How long the nodes may take for an impact [s].
@@ -80,6 +80,7 @@ class LogPanel:
     ) -> None:
         self._session, self._side, self._told = session, side, told
         self._log: ImpactLog | None = None
+        self._impacts: list[LoggedImpact] = []
         gui = server.gui
         self._path = gui.add_text("file (.mcap)", "", hint="Path of a log on this machine")
         opened = gui.add_button("Open", icon=viser.Icon.FOLDER_OPEN)
@@ -110,16 +111,19 @@ class LogPanel:
             log = open_log(Path(path.strip()).expanduser())
             if not len(log):
                 raise HelmetSimError(f"{log.path}: no complete impact; {'; '.join(log.problems)}")
-            names = labels([impact.setup for impact in log])
+            impacts = [impact for impact in log if not impact.is_fall]
+            if not impacts:
+                raise HelmetSimError(f"{log.path}: holds falls alone; helmet-sim report shows them")
+            names = labels([impact.setup for impact in impacts])
         except HelmetSimError as error:
             self._refuse(str(error))
             return
-        self._log = log
+        self._log, self._impacts = log, impacts
         put(self._path, str(log.path))
         self._impact.options = tuple(f"{i}: {name}" for i, name in enumerate(names, 1))
         put(self._impact, self._impact.options[0])
         self._impact.visible = self._step.visible = True
-        said = [f"{len(log)} impacts", *log.warnings, *log.problems]
+        said = [f"{len(impacts)} impacts", *log.warnings, *log.problems]
         self._about.content = f'{markup.STYLE}<div class="hs">' + "".join(
             f"<div>{markup.escaped(text)}</div>" for text in said
         ) + "</div>"  # fmt: skip
@@ -130,11 +134,11 @@ class LogPanel:
             return
         index = self._impact.options.index(self._impact.value)
         try:
-            record = self._log[index].record
+            record = self._impacts[index].record
         except HelmetSimError as error:
             self._refuse(str(error))
             return
-        origin = f"{self._log.path.name}, impact {index + 1} of {len(self._log)}"
+        origin = f"{self._log.path.name}, impact {index + 1} of {len(self._impacts)}"
         self._session.show_logged(self._side(), record, origin)
         self._told()
 
