@@ -89,12 +89,13 @@ class Stage:
                 )  # fmt: skip
 
     def _draw_plane(self, target: mujoco.MjvScene, plane: Primitive) -> None:
-        """A plate with lines under the helmet's first place."""
+        """Lines under the helmet's first place, on a plate that hides nothing from behind."""
         axes, box = plane.rotation, mujoco.mjtGeom.mjGEOM_BOX
+        in_front = (target.camera[0].pos - plane.position) @ axes[:, 2] >= 0.0
         away = (self.record.helmet_position[0] - plane.position) @ axes
         x, y = np.round(away[:2] / _TILE) * _TILE
         lines = np.arange(-_HALF, _HALF + 1e-9, _TILE)
-        plates = [((_HALF, _HALF, 0.005), (x, y, -0.006), _GROUND)]
+        plates = [((_HALF, _HALF, 0.005), (x, y, -0.006), _GROUND)] if in_front else []
         plates += [((0.003, _HALF, 0.001), (x + offset, y, 0.0), _LINE) for offset in lines]
         plates += [((_HALF, 0.003, 0.001), (x, y + offset, 0.0), _LINE) for offset in lines]
         for size, place, color in plates:
