@@ -114,7 +114,7 @@ def filtered(signal: FloatArray, channel_class: float, time_step: float) -> Floa
     forward = design.run(rest)[..., ::-1]
     settled = forward[..., :1].copy()
     backward = design.run(np.subtract(forward, settled))
-    return (backward[..., ::-1][..., :n] + (first + settled)).T  # type: ignore[no-any-return]
+    return (backward[..., ::-1][..., :n] + (first + settled)).T
 
 
 class _Design(NamedTuple):
@@ -125,7 +125,7 @@ class _Design(NamedTuple):
     tail: int
 
     def run(self, rows: FloatArray) -> FloatArray:
-        """The pass along the last axis, from rest; the first value is 0."""
+        """The pass along the last axis, at rest before its first value, which is 0."""
         return recursion(self.a, weighted(self.b, rows))
 
 
