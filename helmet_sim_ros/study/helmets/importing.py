@@ -64,6 +64,7 @@ class ImportPlan(Config):
         "of the foam; unset: that of the base helmet", "kg/m^3", None, ge=15.0, le=120.0
     )
     base: str = "fullface"
+    intersecting: bool = False
 
 
 @dataclass(frozen=True)
@@ -92,9 +93,9 @@ def import_helmet(shell: Path, liner: Path | None, plan: ImportPlan) -> Imported
     Raises:
         SetupError: a mesh or value that cannot be used; names file, key and place.
     """
-    parts = [read_part(shell, "shell", plan.units)]
+    parts = [read_part(shell, "shell", plan.units, plan.intersecting)]
     if liner is not None:
-        parts.append(read_part(liner, "liner", plan.units or parts[0].unit))
+        parts.append(read_part(liner, "liner", plan.units or parts[0].unit, plan.intersecting))
     notes = [note for part in parts for note in part.notes]
     outer, *inner = _in_head_frame(parts, plan, notes)
     surface = outer_surface(outer, str(shell))
