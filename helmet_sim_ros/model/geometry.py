@@ -56,6 +56,9 @@ class Geometry(NamedTuple):
     faces: NDArray[np.int32]
 
 
+#: Geometries of :func:`admit`, by their digest.
+_admitted: dict[str, Geometry] = {}
+
 SHAPES = {
     "point": ("n", 3), "normal": ("n", 3), "area": ("n",), "thickness": ("n",),
     "weight": ("n", 4), "semi_axes": (3,), "center": (3,), "zone_thickness": (4,),
@@ -74,13 +77,18 @@ def write_geometry(geometry: Geometry, folder: Path, stem: str) -> Path:
 
 
 def read_geometry(path: str) -> Geometry:
-    """The geometry in a file.
+    """The geometry in a file, or of :func:`admit` where there is no such file.
 
     Raises:
         SetupError: no such file, a content that is not the one its name tells, or not a geometry;
             names the file.
     """
-    found = find_config("helmets", path, "geometry", ".npz")
+    try:
+        found = find_config("helmets", path, "geometry", ".npz")
+    except SetupError:
+        if not NAME.search(path) or geometry_digest(path) not in _admitted:
+            raise
+        return _admitted[geometry_digest(path)]
     try:
         status = found.stat()
     except OSError as error:
@@ -88,18 +96,40 @@ def read_geometry(path: str) -> Geometry:
     return _read(str(found), status.st_mtime_ns, status.st_size)
 
 
-@lru_cache(maxsize=16)
-def _read(path: str, _mtime_ns: int, size: int) -> Geometry:
+def geometry_digest(path: str) -> str:
+    """The digest in the name of a geometry's file, which tells its content."""
     named = NAME.search(path)
-    if not named:
+    if named is None:
         raise SetupError.of(
             "geometry", path, "must be a file that 'helmet-sim helmet import' wrote, "
             f"NAME-DIGEST.npz with {DIGITS} digits",
         )  # fmt: skip
+    return named[1]
+
+
+def admit(name: str, content: bytes) -> None:
+    """Let :func:`read_geometry` know a file that is not on this machine, but in a log.
+
+    Args:
+        name: of the file, without its folder.
+        content: its bytes.
+
+    Raises:
+        SetupError: as :func:`read_geometry`.
+    """
+    geometry = _parsed(name, content)
+    _admitted[_digest(content)] = geometry
+
+
+@lru_cache(maxsize=16)
+def _read(path: str, _mtime_ns: int, size: int) -> Geometry:
     if size > LARGEST:
         raise SetupError.of("geometry", path, f"has {size} bytes, at most {LARGEST:g} are read")
-    content = Path(path).read_bytes()
-    if _digest(content) != named[1]:
+    return _parsed(path, Path(path).read_bytes())
+
+
+def _parsed(path: str, content: bytes) -> Geometry:
+    if _digest(content) != geometry_digest(path):
         raise SetupError.of(
             "geometry", path, "its content is not what its name tells: truncated or edited; "
             "import the helmet again",
