@@ -55,6 +55,19 @@ def test_units_are_told_by_the_size(unit: str, scale: float, tmp_path: Path) -> 
     assert np.asarray(result.geometry.semi_axes) == pytest.approx(OUTER, rel=0.01)
 
 
+def test_a_solid_shell_tells_its_thickness(tmp_path: Path) -> None:
+    """The wall is not flat ground's matter, but bends on kerb and hemisphere."""
+    outer, inner = ellipsoid(OUTER, 4), ellipsoid((0.146, 0.126, 0.136), 4)
+    inner.invert()
+    shell = written(trimesh.util.concatenate([outer, inner]), tmp_path / "shell.stl")
+    solid = import_helmet(shell, None, ImportPlan(thickness=0.036))
+    sheet = import_helmet(written(outer, tmp_path / "sheet.stl"), None, ImportPlan(thickness=0.04))
+    assert any("shell 4.0 mm thick" in note for note in solid.notes)
+    assert solid.values["shell"]["material"]["thickness"] == pytest.approx(0.004, abs=1e-4)  # type: ignore[index]
+    base = load_helmet("fullface").shell.material
+    assert sheet.values["shell"]["material"] == base.model_dump()  # type: ignore[index]
+
+
 def test_inches_given_as_millimetres_are_refused(tmp_path: Path) -> None:
     shell = written(ellipsoid(OUTER, 4), tmp_path / "shell.stl", 0.0254)
     message = refused(tmp_path, shell, "--units", "mm")

@@ -45,7 +45,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, bytes, str]:
             helmet=str(path),
             duration=0.02,
             overrides={"helmet.liner.foam": str(foam)},
-        )  # fmt: skip
+        )
         for direction in ("front", "back")
     ]
     array = next((folder / "mine").glob("*.npz")).read_bytes()

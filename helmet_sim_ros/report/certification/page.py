@@ -103,9 +103,9 @@ def _shown(number: int, row: Row, result: Certification) -> dict[str, object]:
             label = f"limit {limit * 1e-3:g}"
             curves.append(Curve(ends, np.full(2, limit * 1e-3), "law", label))
         panels.append(panel("Angular acceleration of the head", "time [ms]", "[krad/s^2]", curves))
-    if row.crush is not None and result.column_position is not None:
-        port = row.hit.setup.helmet_config.geometry is None
-        found = crush_map(row.crush, result.column_position, port)
+    if row.crush is not None:
+        helmet = row.hit.setup.helmet_config
+        found = crush_map(row.crush, columns(helmet).point, helmet.geometry is None)
         if found is not None:
             panels.append(found["svg"])  # type: ignore[arg-type]
     values = [_spoken_named(c) for c in row.criteria.values() if c.limit is not None]

@@ -36,6 +36,7 @@ from helmet_sim_ros.study.helmets.thickness import (
 
 DRAWN = 2000  # triangles of the drawing in reports and replays
 MOSTLY = 0.5
+WALL = (0.0, 0.01)  # m, that a shell's material may have
 
 
 class ImportPlan(Config):
@@ -149,6 +150,11 @@ def import_helmet(shell: Path, liner: Path | None, plan: ImportPlan) -> Imported
         "coupling": "foam",
     }
     values["shell"] |= {"semi_axes": tuple(axes.tolist()), "center": tuple(center.tolist())}
+    solid = depths.shell[depths.shell > 0.0]
+    if len(solid) > MOSTLY * len(depths.shell):
+        wall = float(np.clip(np.median(solid), *WALL))
+        values["shell"]["material"]["thickness"] = wall
+        notes.append(f"shell {1e3 * wall:.1f} mm thick; what it is made of is that of {plan.base}")
     for zone in ZONES:
         values["liner"][zone] = dict.fromkeys(values["liner"][zone])
     values["liner"] |= {"thickness": mean, "density": density, "columns": len(cells.area)}
