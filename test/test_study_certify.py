@@ -12,13 +12,16 @@ import pytest
 import yaml
 from click.testing import CliRunner
 
-from helmet_sim_ros import ImpactSetup, certify, simulate
+from helmet_sim_ros import ImpactSetup, certify, evaluate, simulate
 from helmet_sim_ros.cli import main
 from helmet_sim_ros.errors import SetupError
+from helmet_sim_ros.model.force.columns import columns, first_touch
+from helmet_sim_ros.model.helmet import load_helmet
 from helmet_sim_ros.resources import share_directory
 from helmet_sim_ros.study import load_protocol, load_scenario
 from helmet_sim_ros.study.certification.campaign import (
     along_anvil,
+    direction,
     inner_circumference,
     make_campaign,
 )
@@ -293,3 +296,46 @@ def test_a_size_that_no_helmet_can_have_is_refused(
     bare.write_text(yaml.safe_dump(data))
     with pytest.raises(SetupError, match=message):
         certify("fullface", small, headforms=[headform.format(round=bare)])
+
+
+def test_the_chin_bar_is_struck_where_a_helmet_has_one() -> None:
+    protocol = load_protocol("ece_r22_05")
+    whole = make_campaign("fullface", "ece_r22_05", protocol)
+    assert {hit.point for hit in whole.hits} == {"B", "P", "R", "X-left", "X-right"}
+    assert "chin guard: S: not struck, fullface has no chin bar" in whole.notes
+    open_ = make_campaign("fullface_chin", "ece_r22_05", protocol)
+    struck = [hit for hit in open_.hits if hit.point == "S"]
+    assert [hit.anvil for hit in struck] == ["flat_anvil", "kerbstone"]
+    assert len(open_.hits) == 12 and not any("chin bar" in n and "no" in n for n in open_.notes)
+
+
+def test_a_protocol_for_the_chin_bar_alone_refuses_a_helmet_without_one(small: Path) -> None:
+    changed(small, "source: test}", "source: test, chin: true}")
+    with pytest.raises(SetupError, match="fullface.*has no chin bar"):
+        certify("fullface", small)
+
+
+def test_fullface_chin_has_port_rim_and_chin_bar() -> None:
+    cells = columns(load_helmet("fullface_chin"))
+    front = np.abs(np.degrees(np.arctan2(cells.point[:, 1], cells.point[:, 0]))) < 50.0
+    height = np.degrees(np.arcsin(cells.point[:, 2] / np.linalg.norm(cells.point, axis=1)))
+    assert not (front & (np.abs(height + 7.0) < 13.0)).any()  # the eye port
+    chin = front & (height < -24.0)
+    assert chin.sum() > 20 and (cells.thickness[chin] < 0.038).all()
+    assert cells.point[:, 2].min() > -0.121
+    touch = first_touch(load_helmet("fullface_chin"), direction(0.0, -25.0))
+    assert touch[0] > 0.12 and touch[2] < -0.06
+    crown = cells.point[:, 2] > 0.1
+    assert cells.thickness[crown] == pytest.approx(0.044, abs=1e-3)
+
+
+def test_only_blows_near_an_edge_differ_from_those_on_the_whole_ellipsoid() -> None:
+    def peak(helmet: str, elevation: float) -> float:
+        setup = ImpactSetup(
+            rig="headform", helmet=helmet, azimuth_deg=0.0, elevation_deg=elevation,
+            normal_velocity=5.5, duration=0.015, overrides={"helmet.coupling": "foam"},
+        )  # fmt: skip
+        return float(evaluate(simulate(setup)).peak_g.value)
+
+    assert peak("fullface_chin", 45.0) == pytest.approx(peak("fullface", 45.0), rel=0.03)
+    assert peak("fullface_chin", 20.0) < 0.85 * peak("fullface", 20.0)  # above the port

@@ -18,14 +18,15 @@ from helmet_sim_ros.model.force.columns import columns, first_touch
 from helmet_sim_ros.report.certification.tables import to_csv, to_json
 from helmet_sim_ros.report.page.crush import crush_map
 from helmet_sim_ros.report.page.svg import Curve, panel
+from helmet_sim_ros.study.certification.campaign import direction
 from helmet_sim_ros.study.certification.certify import Certification, Row
 from helmet_sim_ros.version import __version__
 
 MOST_DOTS = 1000  # in the picture of a helmet with a geometry
 #: Of the whole package, whatever the protocol.
 NOT_MODELLED = (
-    "The headform is rigid. The shell of a shipped helmet is a whole ellipsoid, without face "
-    "opening and chin bar; that of an imported one is its mesh. The visor is left out.",
+    "The headform is rigid. The shell is a whole ellipsoid, without face opening and chin bar, "
+    "unless the helmet has a geometry of its own. The visor is left out.",
     "On kerb, hemisphere and edges the shell bends as a plate between anvil and liner; what it "
     "costs to flatten or break the shell is left out.",
     "A column of the liner is crushed on its own, along the anvil's normal; tearing and cracks of "
@@ -131,7 +132,7 @@ def _scene(result: Certification) -> dict[str, object]:
     shell = helmet.shell
     points: dict[str, dict[str, object]] = {}
     for number, row in enumerate(result.rows, 1):
-        where = first_touch(helmet, _direction(row.site_deg)).tolist()
+        where = first_touch(helmet, direction(*row.site_deg)).tolist()
         key = f"{row.site_deg}"
         label = f"{row.hit.name}: {row.verdict}"
         if row.margin is not None:
@@ -155,13 +156,6 @@ def _scene(result: Certification) -> dict[str, object]:
 
 def _dots(points: FloatArray) -> object:
     return np.round(points[:: -(-len(points) // MOST_DOTS)], 4).tolist()
-
-
-def _direction(site_deg: tuple[float, float]) -> FloatArray:
-    """The unit vector of an azimuth and an elevation, (3,)."""
-    a, e = np.radians(site_deg)
-    unit: FloatArray = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
-    return unit
 
 
 def _limits(result: Certification) -> list[dict[str, str]]:

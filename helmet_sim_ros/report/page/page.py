@@ -37,9 +37,9 @@ _INLINE = {
 LIMITS = (
     "These are results of a simulation. They replace no test of a helmet, and a verdict here is no "
     "certificate: it compares numbers with limits.",
-    "Skull and headform are rigid. The shell of a shipped helmet is a whole ellipsoid, without "
-    "face opening and chin bar; that of an imported one is its mesh. Visor and deformation of the "
-    "body are left out.",
+    "Skull and headform are rigid. The shell is a whole ellipsoid, without face opening and chin "
+    "bar, unless the helmet has a geometry of its own. Visor and deformation of the body are left "
+    "out.",
     "With coupling 'spring' the helmet moves against the head in translation only; with 'foam' "
     "each column of the liner is crushed on its own.",
     "Accelerations are inertial, of the head's centre of gravity, in world axes; rotation is shown "

@@ -9,14 +9,19 @@ from itertools import product
 
 import numpy as np
 
+from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.errors import SetupError
+from helmet_sim_ros.model.geometry import read_geometry
 from helmet_sim_ros.model.helmet import Helmet, load_helmet
 from helmet_sim_ros.model.setup import ImpactSetup, setup_from_names
 from helmet_sim_ros.model.surface.config import load_surface
-from helmet_sim_ros.study.certification.protocol import Protocol, Test
+from helmet_sim_ros.study.certification.protocol import Point, Protocol, Test
 from helmet_sim_ros.study.certification.sizes import remade
 
 DURATION = 0.025  # s; the pulses of all protocols end before
+#: Of a cell on the chin bar: least cosine between its normal and the struck point's direction, and
+#: how far below the head's centre it is [m].
+FACING, LOW = 0.85, -0.04
 
 
 @dataclass(frozen=True)
@@ -102,6 +107,7 @@ def make_campaign(
     own = load_helmet(helmet)
     notes = [f"{test.name}: {test.note}" for test in protocol.tests if test.note]
     sites: list[tuple[Hit, ...]] = []
+    left_out: set[str] = set()
     for count, size in enumerate(_sizes(protocol, headforms)):
         made = {**changes, **_made(own, protocol, size, changes)}
         if made != changes:
@@ -109,14 +115,19 @@ def make_campaign(
         for test in protocol.tests:
             if test.headform is not None and count > 0:
                 continue
-            for number, anvil, point in product(test.speeds, test.anvils, test.points):
+            points = [name for name in test.points if _exists(own, protocol.points[name])]
+            left_out |= {f"{test.name}: {p}" for p in test.points if p not in points}
+            for number, anvil, point in product(test.speeds, test.anvils, points):
                 hits = (
                     _hit(helmet, protocol, test, point, anvil, number.value, k, size, made)
                     for k in range(1, test.hits + 1)
                 )
                 sites.append(tuple(replace(h, size=size if headforms else "") for h in hits))
+    if not sites:
+        raise SetupError.of("helmet", helmet, f"has no chin bar, and {name} strikes nothing else")
     for site in sites:
         _check_size(helmet, site[0].setup)
+    notes += [f"{what}: not struck, {helmet} has no chin bar" for what in sorted(left_out)]
     coupling = sites[0][0].setup.helmet_config.coupling
     if coupling == "spring":
         notes.append(
@@ -161,6 +172,24 @@ def _hit(
     }
     setup = setup_from_names(values)
     return Hit(test.name, point, anvil, number, speed, test.standard, values, setup)
+
+
+def _exists(helmet: Helmet, point: Point) -> bool:
+    """Whether a helmet can be struck at a point: a chin bar is part of a geometry, where some cell
+    below the head's centre faces the point's direction."""
+    if not point.chin:
+        return True
+    if helmet.geometry is None:
+        return False
+    cells = read_geometry(helmet.geometry)
+    facing = cells.normal @ direction(point.azimuth_deg, point.elevation_deg) > FACING
+    return bool((facing & (cells.point[:, 2] < LOW)).any())
+
+
+def direction(azimuth_deg: float, elevation_deg: float) -> FloatArray:
+    """The unit vector of a point's direction, head axes, (3,)."""
+    a, e = math.radians(azimuth_deg), math.radians(elevation_deg)
+    return np.array([math.cos(e) * math.cos(a), math.cos(e) * math.sin(a), math.sin(e)])
 
 
 def _sizes(protocol: Protocol, headforms: Sequence[str]) -> tuple[str, ...]:

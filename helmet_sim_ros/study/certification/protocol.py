@@ -31,6 +31,9 @@ class Point(Config):
     azimuth_deg: float = quantity("0 front, 90 left, 180 rear", "deg", ge=-180.0, le=180.0)
     elevation_deg: float = quantity("above the horizontal", "deg", ge=-90.0, le=90.0)
     words: str = Field("", description="where that is")
+    chin: bool = Field(
+        False, description="on the chin bar: only helmets whose geometry has one are struck there"
+    )
     source: str = Field(description="document that states it, or that it is our choice")
     verified: bool = Field(False, description="whether the primary text was read")
 
