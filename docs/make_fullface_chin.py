@@ -82,7 +82,8 @@ def main() -> None:
             old.unlink()
         values = yaml.safe_load(path.read_text())
         values["description"] = (
-            "fullface with an eye port of 140 x 34 deg, a chin bar with 30 mm of foam and a rim, "
+            "fullface with an eye port of 140 x 34 deg, a chin bar with 30 to 38 mm of foam and a "
+            "rim, "
             "made by docs/make_fullface_chin.py; usual shapes of the trade, not those of a product."
         )
         array = path.parent / values["geometry"]

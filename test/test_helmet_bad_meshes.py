@@ -1,5 +1,7 @@
 """Meshes that are no helmet's: each is refused, or mended and told of; nothing is half-written."""
 
+import hashlib
+import io
 import re
 from pathlib import Path
 
@@ -12,7 +14,7 @@ from helmet_meshes import INNER, OUTER, ellipsoid, opened, written
 from helmet_sim_ros.cli import main
 from helmet_sim_ros.errors import SetupError
 from helmet_sim_ros.model.force.columns import columns
-from helmet_sim_ros.model.geometry import read_geometry
+from helmet_sim_ros.model.geometry import admit, read_geometry
 from helmet_sim_ros.model.helmet import load_helmet
 from helmet_sim_ros.study.helmets.crossings import DEPTH, crossings
 from helmet_sim_ros.study.helmets.importing import ImportPlan, import_helmet
@@ -211,6 +213,17 @@ def test_an_edited_array_file_is_refused(shell: Path, tmp_path: Path) -> None:
     assert len(read_geometry(str(array)).area) == 1000
     with pytest.raises(SetupError, match=r"liner\.columns"):
         load_helmet(str(tmp_path / "mine" / "helmet.yaml")).replaced({"liner.columns": 500})
+
+
+def test_an_array_file_that_swells_is_refused() -> None:
+    """A log of others brings its helmet's array file: it takes no more memory than a helmet's."""
+    swollen = io.BytesIO()
+    np.savez_compressed(swollen, point=np.zeros((10**7, 3)))
+    content = swollen.getvalue()
+    assert len(content) < 1e6
+    name = f"geometry-{hashlib.sha256(content).hexdigest()[:16]}.npz"
+    with pytest.raises(SetupError, match=r"unpacks to 240\d+ bytes"):
+        admit(name, content)
 
 
 def test_painted_triangles_and_planes_make_zones(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ import re
 from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
-from zipfile import BadZipFile
+from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ from helmet_sim_ros.resources import find_config
 DIGITS = 16  # of the digest in a file's name
 NAME = re.compile(rf"-([0-9a-f]{{{DIGITS}}})\.npz$")
 ZONES = ("front", "back", "side", "top")
-LARGEST = 50e6  # bytes; a file of 20 000 columns and a drawing has about 3e6
+LARGEST = 50e6  # bytes, packed and unpacked; a file of 20 000 columns and a drawing has about 3e6
 
 
 class Geometry(NamedTuple):
@@ -135,9 +135,15 @@ def _parsed(path: str, content: bytes) -> Geometry:
             "import the helmet again",
         )  # fmt: skip
     try:
+        with ZipFile(io.BytesIO(content)) as packed:
+            size = sum(member.file_size for member in packed.infolist())
+        if size > LARGEST:
+            raise SetupError.of("geometry", path, f"unpacks to {size} bytes, at most {LARGEST:g}")
         with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
             geometry = Geometry(**{name: arrays[name] for name in Geometry._fields})
-    except (KeyError, ValueError, OSError, BadZipFile) as error:
+    except SetupError:
+        raise
+    except (KeyError, ValueError, OSError, MemoryError, BadZipFile) as error:
         raise SetupError.of("geometry", path, f"is no helmet geometry: {error}") from error
     _check(geometry, path)
     for array in geometry:
