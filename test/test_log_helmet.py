@@ -17,6 +17,7 @@ from logs import write_log
 
 from helmet_sim_ros import ImpactSetup, open_log
 from helmet_sim_ros.cli import main
+from helmet_sim_ros.cli.run import named_files
 from helmet_sim_ros.errors import LogError
 from helmet_sim_ros.explore.meshes import helmet_mesh
 from helmet_sim_ros.mcap_log.recover import recover
@@ -129,3 +130,10 @@ def test_a_damaged_helmet_is_told_and_the_ellipsoid_shown(
         admit_helmets(log)
         assert "checksum of the attachment" in caplog.text
         assert scene_of(log[0].record).mesh is None
+
+
+def test_the_nodes_of_a_run_may_open_the_files_of_its_helmet(made: tuple[Path, bytes, str]) -> None:
+    setup = open_log(made[0])[0].setup
+    named = named_files([setup, {"helmet.name": "fullface", "impact.surface": "ground"}])
+    assert [Path(name).suffix for name in named] == [".npz", ".yaml", ".yaml"]
+    assert {Path(name).name for name in named} >= {"helmet.yaml", "own.yaml"}
