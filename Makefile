@@ -11,11 +11,12 @@ unexport RMW_IMPLEMENTATION
 BIN := $(VENV)/bin
 # Two test processes per core: those of the nodes wait for other processes most of the time.
 WORKERS := $(shell echo $$((2 * $$(nproc))))
-# First falls and impacts, which compile different functions at the same time, and nodes, which
-# wait; those with the longest tests early, so that no core waits for the others at the end.
-FIRST := test/test_falls.py test/test_study_certify.py test/test_nodes_trust.py \
-  test/test_explore_page.py $(sort $(wildcard test/test_study_*.py test/test_nodes_*.py)) \
-  test/test_colcon.py test/test_report_page.py
+# First falls and impacts, whose machine code is compiled side by side, and what needs none; then
+# nodes and those with the longest tests, so that no core waits for the others at the end.
+FIRST := test/test_falls.py test/test_study_certify.py $(sort $(wildcard test/test_biomech_*.py)) \
+  test/test_helmet_bad_meshes.py test/test_nodes_trust.py test/test_explore_page.py \
+  $(sort $(wildcard test/test_study_*.py test/test_nodes_*.py)) test/test_colcon.py \
+  test/test_report_page.py
 PACKAGING := setup.py setup.cfg pyproject.toml package.xml $(wildcard scripts/*_node)
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
