@@ -17,6 +17,7 @@ FIRST := test/test_falls.py test/test_study_certify.py $(sort $(wildcard test/te
   test/test_helmet_bad_meshes.py test/test_nodes_trust.py test/test_explore_page.py \
   $(sort $(wildcard test/test_study_*.py test/test_nodes_*.py)) test/test_colcon.py \
   test/test_report_page.py
+TESTS := $(FIRST) $(filter-out $(FIRST),$(sort $(wildcard test/test_*.py)))
 PACKAGING := setup.py setup.cfg pyproject.toml package.xml $(wildcard scripts/*_node)
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
@@ -26,7 +27,7 @@ demo: $(VENV)/.demo-ready
 	@$(BIN)/helmet-sim run oblique_table1
 
 test: $(VENV)/.test-ready
-	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder $(FIRST) test
+	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder $(TESTS)
 
 lint: $(VENV)/.test-ready
 	$(BIN)/ruff check .
