@@ -241,21 +241,22 @@ def main(count: int, seed: int, compiles: bool, only: tuple[str, ...]) -> None:
         pool = [mutant for module in modules for mutant in mutants_of(root, module)]
         chosen = random.Random(seed).sample(pool, min(count, len(pool)))
         click.echo(f"seed {seed}: {len(chosen)} of {len(pool)} mutants of {len(modules)} modules")
-        usual: dict[tuple[str, ...], float] = {}
+        usual: dict[frozenset[str], float] = {}
         survivors = []
         for number, mutant in enumerate(chosen, 1):
             tests = tests_of(root, mutant.module)
-            if tuple(tests) not in usual:
+            group = frozenset(tests)  # each module has an order of its own
+            if group not in usual:
                 began = time.monotonic()
                 if not passes(root, tests):
                     raise SystemExit(f"the tests fail without any change: {' '.join(tests)}")
-                usual[tuple(tests)] = time.monotonic() - began
+                usual[group] = time.monotonic() - began
             original = (root / mutant.module).read_text(encoding="utf-8")
             text, words = changed(root, mutant)
             (root / mutant.module).write_text(text, encoding="utf-8")
             if not compiles:
                 reuse_machine_code(root, digest)
-            if passes(root, tests, PATIENCE * usual[tuple(tests)] + 30.0):
+            if passes(root, tests, PATIENCE * usual[group] + 30.0):
                 survivors.append(mutant)
                 click.echo(f"survived {number}: {words}")
             (root / mutant.module).write_text(original, encoding="utf-8")
