@@ -167,7 +167,7 @@ def with_machine_code(root: Path) -> set[Path]:
             continue
         found.add(module)
         for node in ast.walk(tree):
-            if isinstance(node, ast.ImportFrom) and str(node.module).startswith(PACKAGE):
+            if isinstance(node, ast.ImportFrom) and str(node.module).startswith(f"{PACKAGE}.model"):
                 if used & {alias.asname or alias.name for alias in node.names}:
                     left.append((Path(*str(node.module).split(".")).with_suffix(".py"), ()))
                 # A module whose functions are used by its name.

@@ -26,6 +26,7 @@ from bench.campaign.running import clock_jumps
 from bench.campaign.running.clock_jumps import ClockJumps
 from bench.campaign.running.concurrent_clients import ConcurrentClients
 from bench.campaign.running.on_nodes import Loss, compare_all, logged
+from bench.mutants import ROOT, with_machine_code
 from helmet_sim_ros import ImpactSetup
 
 #: The same for everybody; ``python -m bench.campaign --seed`` tries others.
@@ -152,3 +153,11 @@ def test_clocks_that_cannot_jump_are_skipped_and_ones_that_did_not_are_told(
     monkeypatch.setattr(clock_jumps, "PLACES", ())
     tally = run(ClockJumps(), 1, range(3), tmp_path / "attack")
     assert "libfaketime" in tally.skipped and not tally.counts
+
+
+def test_mutants_know_what_machine_code_is_built_from() -> None:
+    """Functions, and the modules of constants and types that those name; no configuration."""
+    model = Path("helmet_sim_ros", "model")
+    built = with_machine_code(ROOT)
+    assert {model / "loop.py", model / "layout.py", model / "force" / "contact.py"} <= built
+    assert not {model / "setup.py", model / "forms.py", model / "urdf.py"} & built
