@@ -108,7 +108,7 @@ def _can_change(node: ast.AST) -> bool:
     if isinstance(node, ast.UnaryOp):
         return isinstance(node.op, ast.Not)
     if isinstance(node, ast.Return):
-        return node.value is not None
+        return node.value is not None and ast.unparse(node.value) != "None"
     return isinstance(node, (ast.If, ast.IfExp, ast.While, ast.BoolOp))
 
 
