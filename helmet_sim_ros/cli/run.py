@@ -6,7 +6,7 @@ import json
 import os
 import tempfile
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,6 @@ import click
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from helmet_sim_ros.cli._client import call, ros_client, wait_for_service
 from helmet_sim_ros.cli._options import domain_option
 from helmet_sim_ros.cli._processes import (
     NODES,
@@ -26,13 +25,15 @@ from helmet_sim_ros.errors import LogError, NodeError
 from helmet_sim_ros.mcap_log.digest import setup_digest
 from helmet_sim_ros.mcap_log.writer import PART
 from helmet_sim_ros.model.fall.setup import Fall
+from helmet_sim_ros.nodes.client import call, ros_client, wait_for_service
 from helmet_sim_ros.nodes.environment import prepare_environment
 from helmet_sim_ros.resources import is_path
 from helmet_sim_ros.study.scenario.matrix import Case, Scenario
 
 #: Values of a setup that name a file or something shipped.
 FILE_VALUES = (
-    "helmet.name", "impact.surface", "head.surface", "head.form", "fall.preset", "fall.scene",
+    "helmet.name", "helmet.geometry", "helmet.liner.foam", "impact.surface", "head.surface",
+    "head.form", "fall.preset", "fall.scene",
 )  # fmt: skip
 #: How long the nodes may take until they answer [s]; a loaded machine needs a few, and the very
 #: first start compiles.
@@ -78,10 +79,7 @@ def command(
 
     prepare_environment(domain_id)
     # The nodes open no file because a client names it, except these.
-    told = [case.setup.described() for case in plan.cases]
-    chosen = {str(values[name]) for values in told for name in FILE_VALUES if values.get(name)}
-    files = filter(is_path, chosen)
-    named = sorted(str(Path(name).expanduser().resolve()) for name in files)
+    named = named_files(case.setup.described() for case in plan.cases)
     paths: dict[str, Any] = {"config_paths": named} if named else {}
     kind = "fall" if isinstance(plan.cases[0].setup, Fall) else "impact"
     parameters: dict[str, dict[str, Any]] = {
@@ -114,6 +112,13 @@ def counted(plan: Scenario) -> str:
     falls = len(plan.falls)
     counts = ((len(plan.cases) - falls, "impact"), (falls, "fall"))
     return " and ".join(f"{count} {what}{'s' * (count > 1)}" for count, what in counts if count)
+
+
+def named_files(setups: Iterable[Mapping[str, Any]]) -> list[str]:
+    """The files that described setups name, those of their helmets too, as absolute paths."""
+    chosen = {values.get(name) for values in setups for name in FILE_VALUES}
+    files = (name for name in chosen if name is not None and is_path(name))
+    return sorted(str(Path(name).expanduser().resolve()) for name in files)
 
 
 def run_scenario(nodes: Nodes, service: str, cases: int, console: Console) -> dict[str, Any]:

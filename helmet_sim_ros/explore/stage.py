@@ -126,6 +126,8 @@ class Stage:
         helmet = self.shown.record.helmet_position[0]
         if helmet_only:
             return helmet, 0.3
+        if self._copy is not None:
+            positions = np.vstack([positions, self._copy.position])
         center = 0.5 * (positions.min(axis=0) + positions.max(axis=0))
         return center, float(np.linalg.norm(positions - center, axis=1).max()) + 0.15
 
@@ -174,7 +176,9 @@ class Stage:
     def _show_helmet(self, scene: Scene) -> None:
         helmet = scene.setup.helmet_config
         shape = next((shape for shape in scene.shapes if shape.name == _HELMET), None)
-        look = (shape is None, helmet.shell.semi_axes, helmet.shell.center, helmet.mass)
+        look = (
+            shape is None, helmet.geometry, helmet.shell.semi_axes, helmet.shell.center, helmet.mass
+        )  # fmt: skip
         if look == self._helmet_look:
             return
         for node in [*self._crush, *self._helmet]:

@@ -15,6 +15,7 @@ from helmet_sim_ros.explore.presets import Collection
 from helmet_sim_ros.explore.session import Session, Side
 from helmet_sim_ros.explore.widgets import put
 from helmet_sim_ros.mcap_log import ImpactLog, LoggedImpact, open_log
+from helmet_sim_ros.report.replay.scene import admit_helmets
 from helmet_sim_ros.report.review.summary import labels
 
 #: How long the nodes may take for an impact [s].
@@ -114,6 +115,7 @@ class LogPanel:
             impacts = [impact for impact in log if not impact.is_fall]
             if not impacts:
                 raise HelmetSimError(f"{log.path}: holds falls alone; helmet-sim report shows them")
+            admit_helmets(log)
             names = labels([impact.setup for impact in impacts])
         except HelmetSimError as error:
             self._refuse(str(error))
@@ -182,12 +184,12 @@ class TakePanel:
         self._texts.content = markup.copies(texts)
 
     def _send(self) -> None:
-        from helmet_sim_ros.cli.call import ask_for_impact
-
         assert self._answer is not None
         self._answer.content = _said("asking the simulation node…")
         values = self._session.slot(self._side()).values()
         try:
+            from helmet_sim_ros.nodes.asking import ask_for_impact  # where there is ROS
+
             answer = ask_for_impact(values, self._namespace.value, _NODES_TIMEOUT)
         except HelmetSimError as error:
             self._answer.content = markup.STYLE + markup.problem(str(error))

@@ -15,8 +15,7 @@ from helmet_sim_ros.model.arrows import FORCES, Arrow, force_arrows
 from helmet_sim_ros.model.fall.setup import Fall
 from helmet_sim_ros.model.scene import Scene
 from helmet_sim_ros.model.setup import ImpactSetup
-from helmet_sim_ros.model.state import read_state
-from helmet_sim_ros.model.surface.drawing import Primitive, drawn
+from helmet_sim_ros.model.surface.drawing import GROUND, Primitive
 from helmet_sim_ros.nodes.conversion import stamp
 
 Color = tuple[float, float, float, float]
@@ -46,8 +45,9 @@ class _Drawn(NamedTuple):
 class SceneMarkers:
     """The markers of one setup; frame ``world``.
 
-    A capsule becomes a cylinder and a sphere at each end; of a plane the part around the helmet is
-    drawn.
+    A capsule becomes a cylinder and a sphere at each end; of a plane the part under the helmet is
+    drawn. The namespace of a marker is the body's name, that of an arrow, ``ground`` for a level
+    plane, or ``surface`` for anything else that surrounds the rider.
 
     Attributes:
         scene: posed by :meth:`message`.
@@ -56,11 +56,7 @@ class SceneMarkers:
     def __init__(self, setup: ImpactSetup | Fall) -> None:
         self.setup = setup
         self.scene = Scene(setup)
-        self._surface = setup.surface_config
-        state = None if isinstance(setup, Fall) else setup.state
-        self._began = 0.0 if state is None else read_state(state).time
-        self._moves = any(any(part.velocity) for part in self._surface.shapes)
-        self._solids = drawn(self._surface, self._began)
+        self._solids = self.scene.around()
         edge = _WIDE if isinstance(setup, Fall) else _EDGE
         self._around = [_drawn_solid(solid, edge) for solid in self._solids]
         self._parts = [_drawn(s.name, s.kind, s.size, s.color) for s in self.scene.shapes]
@@ -73,8 +69,8 @@ class SceneMarkers:
 
     def message(self, record: ImpactRecord, index: int, time_ns: int) -> MarkerArray:
         """The scene at one sample; the same object every time."""
-        if self._moves:
-            self._solids = drawn(self._surface, self._began + float(record.time[index]))
+        if not self.scene.is_still:
+            self._solids = self.scene.around(float(record.time[index]))
             self._put_around(self._solids)
         for part, solid in zip(self._around, self._solids, strict=True):
             if solid.kind == "plane":
@@ -105,7 +101,8 @@ def _under(part: _Drawn, plane: Primitive, helmet: FloatArray) -> None:
 
 def _drawn_solid(solid: Primitive, edge: float) -> _Drawn:
     if solid.kind == "plane":
-        marker = _marker(Marker.CUBE, "ground", (edge, edge, _THICK), _GROUND)
+        name = GROUND if solid.rotation[2, 2] > 1.0 - 1e-9 else "surface"
+        marker = _marker(Marker.CUBE, name, (edge, edge, _THICK), _GROUND)
         return _Drawn([marker], np.array([[0.0, 0.0, -0.5 * _THICK]]))
     return _drawn("surface", solid.kind, solid.size, _SOLID)
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from importlib import resources
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -15,9 +16,12 @@ from helmet_sim_ros.errors import LogError
 from helmet_sim_ros.mcap_log import ImpactLog, LoggedImpact
 from helmet_sim_ros.mcap_log.strikes import NOTHING
 from helmet_sim_ros.report.page.article import article, messages, setup_rows
+from helmet_sim_ros.report.page.blocks import packed
 from helmet_sim_ros.report.page.comparison import comparisons
 from helmet_sim_ros.report.page.quantity import pretty
+from helmet_sim_ros.report.page.replay import mesh_data
 from helmet_sim_ros.report.page.strikes import strikes_section
+from helmet_sim_ros.report.replay.scene import admit_helmets
 from helmet_sim_ros.report.review.check import Reviewed, ReviewedFall, review, review_fall
 from helmet_sim_ros.report.review.summary import common, labels, varying
 from helmet_sim_ros.study.scenario.reference import load_reference
@@ -35,8 +39,9 @@ _INLINE = {
 LIMITS = (
     "These are results of a simulation. They replace no test of a helmet, and a verdict here is no "
     "certificate: it compares numbers with limits.",
-    "Skull and headform are rigid, the shell is an ellipsoid on a flat rigid ground; face opening, "
-    "chin bar, visor and the deformation of the body are left out.",
+    "Skull and headform are rigid. The shell is a whole ellipsoid, without face opening and chin "
+    "bar, unless the helmet has a geometry of its own. Visor and deformation of the body are left "
+    "out.",
     "With coupling 'spring' the helmet moves against the head in translation only; with 'foam' "
     "each column of the liner is crushed on its own.",
     "Accelerations are inertial, of the head's centre of gravity, in world axes; rotation is shown "
@@ -60,6 +65,8 @@ def report_page(logs: Sequence[ImpactLog], standard: str | None = None) -> str:
         LogError: no complete impact, or damaged samples.
         PulseError: no criteria can be computed from an impact.
     """
+    for log in logs:
+        admit_helmets(log)
     falls = [review_fall(impact, standard) for log in logs for impact in log if impact.is_fall]
     struck = {fall.fall: fall for fall in falls}
     found = [
@@ -82,13 +89,16 @@ def report_page(logs: Sequence[ImpactLog], standard: str | None = None) -> str:
     }
     different = varying(setups)
     names = list(zip(labels(setups), labels(setups, False), strict=True))
-    rows, impacts = [], []
+    rows, impacts, meshes = [], [], {}
     for i, (log, one) in enumerate(found):  # each is read once
         row = one if isinstance(one, Reviewed) else review(one, standard)
         rows.append((log, row))
         impacts.append(
             article(i + 1, log, row, names[i], published[i], models, different, len(found))
         )
+        with suppress(LogError):  # the article says that it has no replay
+            if mesh := mesh_data(row.impact.record):
+                meshes[mesh[0]] = mesh[1]
     failed = sum(row.evaluation.verdict == "fail" for _, row in rows)
     differing = sum(bool(row.differences) for _, row in rows)
     differing += sum(bool(fall.differences) for fall in falls)
@@ -100,13 +110,18 @@ def report_page(logs: Sequence[ImpactLog], standard: str | None = None) -> str:
         "problems": problems,
         "impacts": impacts,
         **strikes_section([row for _, row in rows], falls),
+        "meshes": {key: packed({}, arrays) for key, arrays in meshes.items()},
         "comparisons": comparisons(logs, rows),
         "models": models,
         "reference": load_reference("table1").source,
         "setup": setup_rows(common(setups)),
         "provenance": [row for log in logs for row in _provenance(log)],
         "kept": sum(not m["fail"] for _, row in rows for m in messages(row.evaluation)),
-        "limits": [*LIMITS, *map(pretty, _warnings(row.evaluation for _, row in rows))],
+        "limits": [
+            _struck(setups),
+            *LIMITS,
+            *map(pretty, _warnings(row.evaluation for _, row in rows)),
+        ],
     }
     context |= {name: Markup(_asset(file)) for name, file in _INLINE.items()}
     environment = jinja2.Environment(
@@ -132,6 +147,14 @@ def _headline(
     if differing:
         text += f"; {differing} with logged criteria that the samples do not give"
     return text
+
+
+def _struck(setups: Sequence[Mapping[str, object]]) -> str:
+    names = dict.fromkeys(str(setup.get("impact.surface", "ground")) for setup in setups)
+    return (
+        f"What is struck ({', '.join(names)}) is rigid but for the panels that its file names, and "
+        "has the shape that the replay shows, with the rounded edges of that file."
+    )
 
 
 def _provenance(log: ImpactLog) -> list[dict[str, str]]:

@@ -8,17 +8,29 @@ from typing import Any
 
 from helmet_sim_ros.biomech.record import ImpactRecord, is_fall
 from helmet_sim_ros.errors import LogError, SetupError
+from helmet_sim_ros.mcap_log import ImpactLog
 from helmet_sim_ros.model.fall.setup import Fall, fall_from_names
+from helmet_sim_ros.model.geometry import NAME, admit
 from helmet_sim_ros.model.scene import Scene
 from helmet_sim_ros.model.setup import ImpactSetup, setup_from_log
-from helmet_sim_ros.model.state import read_state
-from helmet_sim_ros.model.surface.drawing import Primitive, drawn
 
 #: What of a setup names a file, or belongs to its content.
-FILES = (
-    "helmet.name", "helmet.geometry", "helmet.liner.columns", "helmet.liner.foam",
-    "helmet.liner.foam_digest",
-)  # fmt: skip
+FILES = ("helmet.name", "helmet.liner.foam", "helmet.liner.foam_digest")
+GEOMETRY = ("helmet.geometry", "helmet.liner.columns")
+
+
+def admit_helmets(log: ImpactLog) -> None:
+    """Let :func:`scene_of` know the helmets that a log carries, on a machine without their files.
+
+    What of them is damaged is told; the shell's ellipsoid is shown then.
+    """
+    for name in log.files:
+        if not NAME.search(name):
+            continue
+        try:
+            admit(name, log.file(name))
+        except (LogError, SetupError) as error:
+            logging.getLogger(__name__).warning(error)
 
 
 def scene_of(record: ImpactRecord) -> Scene:
@@ -32,11 +44,9 @@ def scene_of(record: ImpactRecord) -> Scene:
         try:
             setup, notes = _setup_of(values)
         except SetupError:
-            # A log carries every value of its helmet, so any helmet can stand in for the file.
-            # Its files of geometry and foam may be gone too: the shell's ellipsoid is shown.
-            for name in FILES:
-                values.pop(name, None)
-            setup, notes = _setup_of(values)
+            # A log carries every value of its helmet, so any helmet can stand in for the file. Its
+            # foam is not seen; without its geometry the shell's ellipsoid is shown.
+            setup, notes = _without_files(values)
         scene = Scene(setup)
         scene.pose(record, 0)
     except (SetupError, KeyError, ValueError, IndexError) as error:
@@ -46,14 +56,25 @@ def scene_of(record: ImpactRecord) -> Scene:
     return scene
 
 
-def surroundings(scene: Scene, time: float) -> list[Primitive]:
-    """The solids around the rider at a time of the record [s]."""
-    setup = scene.setup
-    began = 0.0
-    if isinstance(setup, ImpactSetup) and setup.state is not None:
-        began = read_state(setup.state).time
-    return drawn(setup.surface_config, began + time)
-
-
 def _setup_of(values: Mapping[str, Any]) -> tuple[ImpactSetup | Fall, tuple[str, ...]]:
     return (fall_from_names(values), ()) if is_fall(values) else setup_from_log(values)
+
+
+def _without_files(values: dict[str, Any]) -> tuple[ImpactSetup | Fall, tuple[str, ...]]:
+    """The setup with the shipped default in place of the helmet's file."""
+    left = {name: value for name, value in values.items() if name not in FILES}
+    try:
+        return _effective(left)
+    except SetupError:
+        return _effective({k: v for k, v in left.items() if k not in GEOMETRY})
+
+
+def _effective(values: dict[str, Any]) -> tuple[ImpactSetup | Fall, tuple[str, ...]]:
+    """The setup without the values that another helmet's form ignores."""
+    try:
+        return _setup_of(values)
+    except SetupError as error:
+        idle = {problem.key for problem in error.problems if "no effect" in problem.allowed}
+        if not idle:
+            raise
+        return _setup_of({k: v for k, v in values.items() if k not in idle})

@@ -10,8 +10,10 @@ import numpy as np
 from helmet_sim_ros.biomech.record import FloatArray, ImpactRecord, is_fall
 from helmet_sim_ros.model.arrows import force_arrows
 from helmet_sim_ros.model.scene import Scene
-from helmet_sim_ros.report.replay.scene import scene_of, surroundings
+from helmet_sim_ros.model.surface.drawing import Primitive
+from helmet_sim_ros.report.replay.scene import scene_of
 
+Color = tuple[float, float, float, float]
 _KINDS = {
     "ellipsoid": mujoco.mjtGeom.mjGEOM_ELLIPSOID,
     "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE,
@@ -21,7 +23,7 @@ _KINDS = {
 }
 _GROUND, _SOLID = (0.78, 0.80, 0.82, 1.0), (0.62, 0.66, 0.72, 1.0)
 _LINE = (0.60, 0.63, 0.66, 1.0)
-_TILE, _HALF = 0.25, 2.0  # m, spacing of the ground's lines and half its edge
+_TILE, _HALF = 0.25, 2.0  # m, spacing of a plane's lines and half its edge
 _SHAFT = 0.012  # m, half width of an arrow
 _SKY, _SKY_RADIUS = (0.92, 0.94, 0.96, 1.0), 15.0
 _SHELL_OPACITY = 0.55  # so that head and arrows are seen through it
@@ -66,34 +68,56 @@ class Stage:
             mujoco.mju_quat2Mat(rotation, np.array([w, x, y, z]))
             r, g, b, opacity = shape.color
             color = (r, g, b, min(opacity, _SHELL_OPACITY) if shape.name == "helmet" else opacity)
+            if shape.name == "helmet" and self.scene.mesh is not None:
+                self._draw_mesh(target, position, rotation, color)
+                continue
             _add(target, _KINDS[shape.kind], shape.size, position, rotation, color)
 
+    def _draw_mesh(
+        self, target: mujoco.MjvScene, position: FloatArray, rotation: FloatArray, color: Color
+    ) -> None:
+        """The helmet's own shell. MuJoCo keeps a mesh about its middle, along its main axes."""
+        model, turn = self.scene.model, np.empty(9)
+        mujoco.mju_quat2Mat(turn, model.mesh_quat[0])
+        frame = rotation.reshape(3, 3)
+        geom = _add(
+            target, mujoco.mjtGeom.mjGEOM_MESH, (1.0,) * 3, position + frame @ model.mesh_pos[0],
+            (frame @ turn.reshape(3, 3)).ravel(), color,
+        )  # fmt: skip
+        geom.dataid = 0  # twice the number of the mesh; odd: its convex hull
+
     def draw_around(self, target: mujoco.MjvScene, index: int) -> None:
-        """Add ground and forces of one sample to a scene."""
-        seen = index if self.follows else 0
-        x, y = np.round(self.record.helmet_position[seen][:2] / _TILE) * _TILE
-        flat = np.eye(3).ravel()
-        _add(
-            target, mujoco.mjtGeom.mjGEOM_BOX, (_HALF, _HALF, 0.005), (x, y, -0.006), flat, _GROUND
-        )
-        for offset in np.arange(-_HALF, _HALF + 1e-9, _TILE):
-            box = mujoco.mjtGeom.mjGEOM_BOX
-            _add(target, box, (0.003, _HALF, 0.001), (x + offset, y, 0.0), flat, _LINE)
-            _add(target, box, (_HALF, 0.003, 0.001), (x, y + offset, 0.0), flat, _LINE)
-        for solid in surroundings(self.scene, float(self.record.time[index])):
-            if solid.kind != "plane":
-                kind = _KINDS[solid.kind]
-                _add(target, kind, solid.size, solid.position, solid.rotation.ravel(), _SOLID)
+        """Add what surrounds the rider, and the forces of one sample, to a scene."""
+        for solid in self.scene.around(float(self.record.time[index])):
+            if solid.kind == "plane":
+                self._draw_plane(target, solid, index if self.follows else 0)
+            else:
+                kind, axes = _KINDS[solid.kind], solid.rotation.ravel()
+                _add(target, kind, solid.size, solid.position, axes, _SOLID)
         for arrow in force_arrows(self.record, index):
             if arrow.visible:
                 geom = _add(
-                    target, mujoco.mjtGeom.mjGEOM_ARROW, (0.0,) * 3, (0.0,) * 3, flat, arrow.color
-                )
+                    target, mujoco.mjtGeom.mjGEOM_ARROW, (0.0,) * 3, (0.0,) * 3,
+                    np.eye(3).ravel(), arrow.color,
+                )  # fmt: skip
                 # MuJoCo 4.0 draws an arrow half as long as its connector.
                 mujoco.mjv_connector(
                     geom, mujoco.mjtGeom.mjGEOM_ARROW, _SHAFT,
                     arrow.tail, 2.0 * arrow.tip - arrow.tail,
                 )  # fmt: skip
+
+    def _draw_plane(self, target: mujoco.MjvScene, plane: Primitive, index: int) -> None:
+        """Lines under the helmet at one sample, on a plate that hides nothing from behind."""
+        axes, box = plane.rotation, mujoco.mjtGeom.mjGEOM_BOX
+        in_front = (target.camera[0].pos - plane.position) @ axes[:, 2] >= 0.0
+        away = (self.record.helmet_position[index] - plane.position) @ axes
+        x, y = np.round(away[:2] / _TILE) * _TILE
+        lines = np.arange(-_HALF, _HALF + 1e-9, _TILE)
+        plates = [((_HALF, _HALF, 0.005), (x, y, -0.006), _GROUND)] if in_front else []
+        plates += [((0.003, _HALF, 0.001), (x + offset, y, 0.0), _LINE) for offset in lines]
+        plates += [((_HALF, 0.003, 0.001), (x, y + offset, 0.0), _LINE) for offset in lines]
+        for size, place, color in plates:
+            _add(target, box, size, plane.position + axes @ place, axes.ravel(), color)
 
     def corners(self) -> Iterator[FloatArray]:
         """Where the shapes are at the first and the last sample, for the camera."""
@@ -107,7 +131,7 @@ def _add(
     size: tuple[float, ...],
     position: FloatArray | tuple[float, ...],
     rotation: FloatArray,
-    color: tuple[float, float, float, float],
+    color: Color,
 ) -> mujoco.MjvGeom:
     geom = target.geoms[target.ngeom]
     mujoco.mjv_initGeom(

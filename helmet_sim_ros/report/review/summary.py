@@ -14,14 +14,15 @@ LEADING = ("impact.direction", "impact.normal_velocity", "impact.tangential_velo
 FOLLOWING = ("helmet.description", "impact.neck_flexion_deg")
 #: Setup values that name the impacts of a log shortly; all others are on request.
 SHORT = (
-    "impact.rig", "helmet.name", "helmet.coupling", "impact.body_angle_deg",
+    "impact.rig", "impact.surface", "helmet.name", "helmet.coupling", "impact.body_angle_deg",
     "impact.tangential_heading_deg", "impact.friction", "impact.gravity", "rider.height",
     "rider.mass", "sim.duration", "sim.time_step",
 )  # fmt: skip
 
 
 def label(setup: Setup) -> str:
-    """``left, 5 m/s, 10 m/s along the ground``; of a fall ``motorcycle, 10 m/s, road``."""
+    """``left, 5 m/s, 10 m/s along the ground``; ``surface`` where that is another one; of a fall
+    ``motorcycle, 10 m/s, road``."""
     if LEADING[0] not in setup and "fall.preset" in setup:
         preset, speed, scene = (setup.get(f"fall.{n}") for n in ("preset", "speed", "scene"))
         return f"{preset}, {value_text(speed)} m/s, {scene}"
@@ -30,7 +31,8 @@ def label(setup: Setup) -> str:
     if isinstance(normal, int | float):
         parts.append(f"{normal:g} m/s")
     if isinstance(tangential, int | float) and tangential:
-        parts.append(f"{tangential:g} m/s along the ground")
+        struck = "ground" if setup.get("impact.surface", "ground") == "ground" else "surface"
+        parts.append(f"{tangential:g} m/s along the {struck}")
     return ", ".join(parts)
 
 
@@ -50,9 +52,13 @@ def common(setups: Sequence[Setup]) -> dict[str, object]:
 def labels(setups: Sequence[Setup], speeds: bool = True) -> list[str]:
     """A label for each setup: direction, speeds, and up to four other values that differ."""
     more = [n for n in varying(setups) if n not in (*LEADING, *FOLLOWING)][:4]
+    last = [n.rpartition(".")[2] for n in more]
+    words = [
+        w if last.count(w) == 1 else n.replace(".", " ") for n, w in zip(more, last, strict=True)
+    ]
     names = []
     for setup in setups:
         first = label(setup) if speeds else str(setup.get(LEADING[0]) or "impact")
-        extra = [f"{n.rpartition('.')[2]} {value_text(setup.get(n))}" for n in more]
+        extra = [f"{w} {value_text(setup.get(n))}" for n, w in zip(more, words, strict=True)]
         names.append("; ".join([first, *extra]))
     return names
