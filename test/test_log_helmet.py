@@ -1,6 +1,7 @@
 """A log carries the imported helmet: it is shown where the helmet's files are not."""
 
 import hashlib
+import json
 import re
 import shutil
 from pathlib import Path
@@ -13,15 +14,17 @@ pytest.importorskip("jinja2", reason="reports need the extra 'report'")
 
 from click.testing import CliRunner
 from helmet_meshes import OUTER, ellipsoid, opened, written
-from logs import write_log
+from logs import session, write_log
+from test_log_falls import STRUCK, write
 
-from helmet_sim_ros import ImpactSetup, open_log
+from helmet_sim_ros import Fall, ImpactSetup, open_log, simulate
 from helmet_sim_ros.cli import main
 from helmet_sim_ros.cli.run import named_files
 from helmet_sim_ros.errors import LogError
 from helmet_sim_ros.explore.meshes import helmet_mesh
 from helmet_sim_ros.mcap_log.recover import recover
 from helmet_sim_ros.model import geometry
+from helmet_sim_ros.nodes.evaluator_node import judged_strikes
 from helmet_sim_ros.report.page.blocks import unpacked
 from helmet_sim_ros.report.page.page import report_page
 from helmet_sim_ros.report.replay.scene import admit_helmets, scene_of
@@ -30,13 +33,18 @@ from helmet_sim_ros.resources import share_directory
 from helmet_sim_ros.study.helmets.importing import ImportPlan, import_helmet, write_helmet_folder
 
 
+def imported(folder: Path) -> Path:
+    """The file of a helmet in the folder ``mine``."""
+    shell = written(opened(ellipsoid(OUTER, 4)), folder / "shell.stl")
+    helmet = import_helmet(shell, None, ImportPlan(thickness=0.04, columns=300))
+    return write_helmet_folder(helmet, folder / "mine")
+
+
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, bytes, str]:
     """A log of two impacts with a helmet whose folder is gone; its array file, its foam."""
     folder = tmp_path_factory.mktemp("log")
-    shell = written(opened(ellipsoid(OUTER, 4)), folder / "shell.stl")
-    imported = import_helmet(shell, None, ImportPlan(thickness=0.04, columns=300))
-    path = write_helmet_folder(imported, folder / "mine")
+    path = imported(folder)
     foam = folder / "mine" / "own.yaml"
     shutil.copy(share_directory() / "config" / "foams" / "epp.yaml", foam)
     setups = [
@@ -111,6 +119,25 @@ def test_review_report_and_recovery_need_no_folder(
     cut.write_bytes(path.read_bytes()[:-100])
     log = open_log(recover(cut).path)
     assert log.file(next(name for name in log.files if name.endswith(".npz"))) == array
+
+
+def test_strikes_of_a_fall_are_found_again_without_the_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(geometry, "_admitted", {})
+    fall = Fall.model_validate(STRUCK.model_dump() | {"helmet": str(imported(tmp_path))})
+    path = tmp_path / "fall.mcap"
+    log = session(path)
+    write(log, fall, judged_strikes(simulate(fall)), "struck")
+    log.close()
+    shutil.rmtree(tmp_path / "mine")
+    answer = CliRunner().invoke(main, ["review", "--json", str(path)])
+    assert answer.exit_code == 0, answer.output
+    (told,) = json.loads(answer.output)["falls"]
+    assert told["strikes"] and told["strikes_logged"] and not told["differences"]
+    assert "data-mesh" in report_page([open_log(path)])
+    answer = CliRunner().invoke(main, ["export", str(path), "--output", str(tmp_path)])
+    assert answer.exit_code == 0 and (tmp_path / "fall_strikes.csv").is_file(), answer.output
 
 
 def test_a_damaged_helmet_is_told_and_the_ellipsoid_shown(

@@ -74,7 +74,9 @@ def export(log: ImpactLog, form: str, output: Path, only: tuple[str, ...] = ()) 
         if falls:
             from helmet_sim_ros.report.falls.logged import result_of
             from helmet_sim_ros.report.falls.tables import to_csv
+            from helmet_sim_ros.report.replay.scene import admit_helmets
 
+            admit_helmets(log)
             written.append(output / f"{stem}_strikes.csv")
             written[-1].write_text(to_csv([result_of(fall) for fall in falls]), encoding="utf-8")
     except OSError as error:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from helmet_sim_ros.mcap_log import ImpactLog, LoggedImpact
-from helmet_sim_ros.model.fall.setup import fall_from_names
+from helmet_sim_ros.model.fall.setup import Fall
 from helmet_sim_ros.report.falls.tables import FallResult
+from helmet_sim_ros.report.replay.scene import setup_of
 from helmet_sim_ros.report.review.strikes import found_strikes
 
 
@@ -32,4 +33,6 @@ def result_of(fall: LoggedImpact, name: str = "") -> FallResult:
         LogError: the samples are damaged, or this version does not know the setup.
     """
     strikes = found_strikes(fall)
-    return FallResult(name or fall.impact_id, fall_from_names(fall.setup), strikes)
+    setup, _ = setup_of(fall.record)
+    assert isinstance(setup, Fall)
+    return FallResult(name or fall.impact_id, setup, strikes)

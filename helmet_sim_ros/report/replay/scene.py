@@ -20,7 +20,7 @@ GEOMETRY = ("helmet.geometry", "helmet.liner.columns")
 
 
 def admit_helmets(log: ImpactLog) -> None:
-    """Let :func:`scene_of` know the helmets that a log carries, on a machine without their files.
+    """Let :func:`setup_of` know the helmets that a log carries, on a machine without their files.
 
     What of them is damaged is told; the shell's ellipsoid is shown then.
     """
@@ -39,14 +39,8 @@ def scene_of(record: ImpactRecord) -> Scene:
     Raises:
         LogError: this version's model cannot show the record.
     """
-    values = dict(record.setup)
     try:
-        try:
-            setup, notes = _setup_of(values)
-        except SetupError:
-            # A log carries every value of its helmet, so any helmet can stand in for the file. Its
-            # foam is not seen; without its geometry the shell's ellipsoid is shown.
-            setup, notes = _without_files(values)
+        setup, notes = setup_of(record)
         scene = Scene(setup)
         scene.pose(record, 0)
     except (SetupError, KeyError, ValueError, IndexError) as error:
@@ -54,6 +48,21 @@ def scene_of(record: ImpactRecord) -> Scene:
     for note in notes:
         logging.getLogger(__name__).warning(note)
     return scene
+
+
+def setup_of(record: ImpactRecord) -> tuple[ImpactSetup | Fall, tuple[str, ...]]:
+    """The setup of a record, also where its helmet file is not on this machine; and notes.
+
+    Raises:
+        SetupError: this version's model does not know the setup.
+    """
+    values = dict(record.setup)
+    try:
+        return _setup_of(values)
+    except SetupError:
+        # A log carries every value of its helmet, so any helmet can stand in for the file. Its
+        # foam is not seen; without its geometry the shell's ellipsoid is shown.
+        return _without_files(values)
 
 
 def _setup_of(values: Mapping[str, Any]) -> tuple[ImpactSetup | Fall, tuple[str, ...]]:

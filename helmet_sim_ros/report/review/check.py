@@ -12,6 +12,7 @@ from helmet_sim_ros.errors import LogError
 from helmet_sim_ros.mcap_log import ImpactLog, LoggedImpact
 from helmet_sim_ros.mcap_log.strikes import JudgedStrike
 from helmet_sim_ros.model.fall.strikes import HeadStrikes
+from helmet_sim_ros.report.replay.scene import admit_helmets
 from helmet_sim_ros.report.review.strikes import LoggedStrike, beside_logged, found_strikes
 
 #: Largest relative difference that another processor or library version may cause.
@@ -91,6 +92,7 @@ def reviewed(log: ImpactLog, standard: str | None = None) -> Iterator[Reviewed |
 
     Raises: see :func:`review`.
     """
+    admit_helmets(log)
     for impact in log:
         yield review_fall(impact, standard) if impact.is_fall else review(impact, standard)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -14,6 +14,7 @@ from helmet_sim_ros.errors import LogError, SetupError
 from helmet_sim_ros.mcap_log import LoggedImpact
 from helmet_sim_ros.mcap_log.strikes import JudgedStrike
 from helmet_sim_ros.model.fall.strikes import HeadStrikes, Strike, head_strikes
+from helmet_sim_ros.report.replay.scene import setup_of
 
 
 @dataclass(frozen=True)
@@ -82,13 +83,19 @@ class LoggedStrike:
 
 
 def found_strikes(fall: LoggedImpact) -> HeadStrikes:
-    """The head strikes in the samples of a logged fall.
+    """The head strikes in the samples of a logged fall, also where its helmet file is not on this
+    machine; of an imported helmet after ``admit_helmets``.
 
     Raises:
         LogError: the samples are damaged, or this version does not know the setup.
     """
+    record = fall.record
     try:
-        return head_strikes(fall.record)
+        known = replace(record, setup=setup_of(record)[0].described())
+        return HeadStrikes(
+            replace(strike, record=replace(strike.record, setup=record.setup))
+            for strike in head_strikes(known)
+        )
     except SetupError as error:
         raise LogError(f"fall {fall.impact_id}: {error}") from error
 
