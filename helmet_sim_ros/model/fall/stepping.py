@@ -29,6 +29,7 @@ from helmet_sim_ros.model.force.bodies import (
     add_generalised,
     clear,
 )
+from helmet_sim_ros.model.force.vector import write
 from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.impact import Impact
 from helmet_sim_ros.model.loop import (
@@ -118,7 +119,10 @@ def apply_forces(forces: Forces, step: float, motion: Motion, loads: Loads) -> N
 @compiled
 def is_touched(loads: Loads) -> bool:
     """Whether the surface pressed anything."""
-    return bool((loads.surface != 0.0).any())
+    total = 0.0
+    for pressed in loads.surface.flat:
+        total += abs(pressed)
+    return total > 0.0
 
 
 @compiled
@@ -273,7 +277,7 @@ def advance_fall(
             late = 0.5 * before if state == GROUND and not fine else 0.0
             if late > 0.0:
                 synchronise(motion.qvel, engine.acceleration, pace, late)
-                log.rows.qvel[row] = motion.qvel
+                write(log.rows.qvel[row], motion.qvel)
             if len(log.energy):
                 if late > 0.0:
                     _com_vel(model, data)

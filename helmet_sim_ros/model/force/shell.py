@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helmet_sim_ros.biomech.record import FloatArray
-from helmet_sim_ros.model.compiled import compiled
+from helmet_sim_ros.model.compiled import allocating, compiled
 from helmet_sim_ros.model.force.bodies import (
     HELMET,
     Loads,
@@ -236,7 +236,7 @@ def engage(plate: Plate, liner: CrushingLiner, surface: Surface, motion: Motion)
     return True
 
 
-@compiled
+@allocating
 def follow(plate: Plate, liner: CrushingLiner, surface: Surface, motion: Motion) -> None:
     """Move the grid by whole cells so that the lowest point of the helmet stays near its middle."""
     helmet = rigid(motion, liner.helmet)
