@@ -16,8 +16,8 @@ import sys
 import tempfile
 import time
 
-from helmet_sim_ros.cli._client import call, ros_client, wait_for_service
 from helmet_sim_ros.cli._processes import NodeProcesses
+from helmet_sim_ros.nodes.client import call, ros_client, wait_for_service
 from helmet_sim_ros.nodes.environment import prepare_environment
 
 IMPACTS = 20

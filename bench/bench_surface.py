@@ -1,9 +1,12 @@
-"""Time of the two questions that body and helmet ask of a surface, for every kind of shape.
+"""Time of the two questions that body and helmet ask of a surface, and of impacts on surfaces.
 
     python bench/bench_surface.py
 
-Distance and normal at a point; deepest point of a helmet's shell that slides through the shape,
-from a warm start and from none; and the way out of the shape along a direction.
+For every kind of shape: distance and normal at a point; deepest point of a helmet's shell that
+slides through the shape, from a warm start and from none; and the way out of the shape along a
+direction. Then the stepping of one 40 ms impact on anvils over that on flat ground, which is to be
+at most 1.25: of the rider (left) and of the headform (top), with either helmet form, and with foam
+under a shell without bending stiffness.
 """
 
 from __future__ import annotations
@@ -14,7 +17,9 @@ from collections.abc import Callable
 import numpy as np
 from numba import njit
 
+from helmet_sim_ros import ImpactSetup
 from helmet_sim_ros.biomech.record import FloatArray
+from helmet_sim_ros.model.impact import Impact
 from helmet_sim_ros.model.surface.compiled import Surface
 from helmet_sim_ros.model.surface.config import compile_parts
 from helmet_sim_ros.model.surface.deepest import deepest_point
@@ -23,6 +28,12 @@ from helmet_sim_ros.model.surface.ray import depth_along
 from helmet_sim_ros.model.surface.shapes import signed_distance
 
 COUNT = 20_000
+ANVILS = ("ground", "kerbstone", "hemisphere", "incline_45")
+LIMP = {"helmet.coupling": "foam", "helmet.shell.material.modulus": 0.0}
+FORMS: dict[str, dict[str, object]] = {
+    "spring": {}, "foam": {"helmet.coupling": "foam"}, "foam, limp shell": LIMP,
+}  # fmt: skip
+REPEATS = 5
 SHELL = (0.13, 0.11, 0.12)  # m
 #: Shape and height of its top [m].
 SHAPES: dict[str, tuple[dict[str, object], float]] = {
@@ -75,6 +86,32 @@ def nanoseconds(call: Callable[[], object]) -> float:
     return 1e9 * min(times) / COUNT
 
 
+def stepping(setup: ImpactSetup) -> float:
+    """Time of this thread that the stepping of one impact takes [ms]."""
+    impact = Impact(setup)
+    start = time.thread_time()
+    impact.advance(impact.total)
+    return 1e3 * (time.thread_time() - start)
+
+
+def impacts() -> None:
+    """Print the stepping of impacts on flat ground, and that on anvils over it."""
+    print("stepping [ms]".ljust(28) + "ground" + "".join(f"{name:>12}" for name in ANVILS[1:]))
+    for rig, direction in (("rider", "left"), ("headform", "top")):
+        for form, overrides in FORMS.items():
+            setups = [
+                ImpactSetup(rig=rig, direction=direction, surface=name, overrides=overrides)
+                for name in ANVILS
+            ]
+            for setup in setups:  # finds springs and loads machine code
+                stepping(setup)
+            # In turn, so that what else the machine does falls on all alike.
+            times = np.array([[stepping(setup) for setup in setups] for _ in range(REPEATS)])
+            least = times.min(axis=0)
+            ratios = "".join(f"{ratio:>12.2f}" for ratio in least[1:] / least[0])
+            print(f"  {rig + ', ' + form:<25}{least[0]:>7.1f}{ratios}")
+
+
 def main() -> None:
     random = np.random.default_rng(1)
     angle = 0.3
@@ -93,6 +130,7 @@ def main() -> None:
             nanoseconds(lambda a=surface, p=path: deepest(a, p, rotation, False)),  # type: ignore[misc]
         )
         print(f"  {kind:<12} {found[0]:>9.1f} {found[1]:>9.1f} {found[2]:>15.0f} {found[3]:>6.0f}")
+    impacts()
 
 
 if __name__ == "__main__":

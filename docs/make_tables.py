@@ -55,7 +55,7 @@ OTHER_TOPICS = (
     ("simulation", "`/clock`", "rosgraph_msgs/msg/Clock", "", qos.CLOCK,
      "simulation time, from start-up on, also while idle"),
     ("simulation", "`scene`", "visualization_msgs/msg/MarkerArray", "world", qos.LIVE,
-     "rider, helmet, ground and forces for RViz or Foxglove"),
+     "rider, helmet, surface and forces for RViz or Foxglove"),
     ("simulation", "`robot_description`", "std_msgs/msg/String", "", qos.LATCHED,
      "URDF of the present rider and helmet; joints as in `joint_states`"),
     ("simulation", "`/tf`", "tf2_msgs/msg/TFMessage", "world", qos.LIVE,

@@ -9,6 +9,7 @@ The names below load on first use, so that importing the package costs nothing::
 """
 
 from helmet_sim_ros.lazy import lazy_names
+from helmet_sim_ros.views import register_views
 
 __all__ = [
     "ImpactSetup",
@@ -40,5 +41,15 @@ __getattr__, __dir__ = lazy_names(
         "present.comparison": ("compare",),
         "study": ("sweep", "optimise", "certify"),
         "version": ("__version__",),
+    },
+)
+
+register_views(
+    __name__,
+    {
+        "present.figure": ("record_figure",),
+        "present.frames": ("sample_frame", "criteria_frame"),
+        "present.html": ("record_html", "evaluation_html", "setup_html"),
+        "present.words": ("record_text", "evaluation_text"),
     },
 )

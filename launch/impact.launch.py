@@ -4,6 +4,7 @@ Then set parameters and call ``/simulation/run_impact``, or call ``/scenario/run
 """
 
 import json
+from tempfile import NamedTemporaryFile
 
 from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
@@ -23,43 +24,42 @@ ARGUMENTS = {
 def nodes(context: LaunchContext) -> list[Node]:
     """The nodes, once the arguments are known."""
     given = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
-    parameters = {
-        "simulation": [given["simulation_params"]] if given["simulation_params"] else [],
-        "evaluator": [{"standard": given["standard"]}],
-        "recorder": [{"output_dir": given["output_dir"]}],
-        "scenario": [{"scenario.file": given["scenario"]}],
+    files = [given["simulation_params"]] if given["simulation_params"] else []
+    values = {
+        "evaluator": {"standard": given["standard"]},
+        "recorder": {"output_dir": given["output_dir"]},
+        "scenario": {"scenario.file": given["scenario"]},
     }
     if given["one_process"] == "true":
-        settings = {
-            "evaluator:standard": given["standard"],
-            "recorder:output_dir": given["output_dir"],
-            "scenario:scenario.file": given["scenario"],
-        }
         return [
             Node(
                 package="helmet_sim_ros",
                 executable="one_process_node",
                 namespace=given["namespace"],
-                parameters=parameters["simulation"],
-                ros_arguments=[
-                    word
-                    for key, value in settings.items()
-                    for word in ("-p", f"{key}:={json.dumps(value)}")
-                ],
+                parameters=[*files, parameter_file(values)],
                 output="screen",
             )
         ]
+    parameters = {"simulation": files} | {name: [of_node] for name, of_node in values.items()}
     return [
         Node(
             package="helmet_sim_ros",
             executable=f"{name}_node",
             name=name,
             namespace=given["namespace"],
-            parameters=values,
+            parameters=of_node,
             output="screen",
         )
-        for name, values in parameters.items()
+        for name, of_node in parameters.items()
     ]
+
+
+def parameter_file(values: dict[str, dict[str, str]]) -> str:
+    """A file in which each node of a process finds its own values, in whatever namespace."""
+    content = {f"/**/{name}": {"ros__parameters": of_node} for name, of_node in values.items()}
+    with NamedTemporaryFile("w", prefix="helmet_sim_", suffix=".yaml", delete=False) as file:
+        json.dump(content, file)  # which is YAML
+    return file.name
 
 
 def generate_launch_description() -> LaunchDescription:

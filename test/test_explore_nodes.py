@@ -9,11 +9,11 @@ pytest.importorskip("rclpy", reason="the nodes need ROS 2")
 from domains import claim_domain
 
 from helmet_sim_ros import evaluate, simulate
-from helmet_sim_ros.cli._client import ros_client, wait_for_service
 from helmet_sim_ros.cli._processes import NodeProcesses
-from helmet_sim_ros.cli.call import ask_for_impact
 from helmet_sim_ros.errors import NodeError
 from helmet_sim_ros.explore.session import slot_of
+from helmet_sim_ros.nodes.asking import ask_for_impact
+from helmet_sim_ros.nodes.client import ros_client, wait_for_service
 
 PATIENCE = 250.0
 

@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool
-from visualization_msgs.msg import MarkerArray
+from visualization_msgs.msg import Marker, MarkerArray
 
 from helmet_sim_ros.biomech.evaluation import evaluate
 from helmet_sim_ros.biomech.record import block_labels, to_block
@@ -197,7 +197,12 @@ def test_live_topics_are_decimated_samples_in_their_frames(quick: Rig) -> None:
         return {name: [m for m in heard[name] if time_of(m) > start - 1e-6] for name in kinds}
 
     quick.until(lambda: all(len(messages) == 41 for messages in since_start().values()))
-    heard = since_start()
+    scenes, heard = heard["scene"], since_start()
+    assert not any(removes_all(scene) for scene in scenes[-82:])  # twice the same setup
+    assert quick.set(**{"impact.surface": "incline_45"}) == ""
+    quick.impact()
+    quick.until(lambda: {"surface"} <= {marker.ns for marker in scenes[-1].markers})
+    assert sum(removes_all(scene) for scene in scenes[-82:]) == 1
     for subscription in subscriptions:
         quick.node.destroy_subscription(subscription)
 
@@ -225,6 +230,10 @@ def test_live_topics_are_decimated_samples_in_their_frames(quick: Rig) -> None:
     assert {"ground", "head", "helmet"} <= set(markers)
     head = markers["head"].pose.position
     assert vector(head) == pytest.approx(record.head_position[0], abs=1e-9)
+
+
+def removes_all(scene: Any) -> bool:
+    return [marker.action for marker in scene.markers] == [Marker.DELETEALL]
 
 
 def time_of(message: Any) -> float:

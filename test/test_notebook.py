@@ -12,7 +12,7 @@ import pytest
 from helmet_sim_ros import ImpactSetup, Rider, compare, evaluate, simulate
 from helmet_sim_ros.biomech.pulse import magnitude
 from helmet_sim_ros.errors import HelmetSimError, PulseError, SetupError
-from helmet_sim_ros.present.extra import MissingExtraError, need
+from helmet_sim_ros.extra import MissingExtraError, need
 from helmet_sim_ros.present.words import quantity_text
 
 SETUP = ImpactSetup(normal_velocity=7.5, rider=Rider(mass=90.0), duration=0.02)

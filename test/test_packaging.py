@@ -107,6 +107,38 @@ def test_every_name_of_a_facade_loads_and_is_no_module(package: str):
         _ = facade.nonsense
 
 
+#: Room -> rooms below it that it may import, as in docs/architecture.md.
+INWARDS = {
+    "biomech": set(),
+    "model": {"biomech"},
+    "mcap_log": {"biomech"},
+    "study": {"biomech", "model"},
+    "present": {"biomech", "model"},
+    "nodes": {"biomech", "model", "mcap_log", "study"},
+    "report": {"biomech", "model", "mcap_log", "study", "present"},
+    "explore": {"biomech", "model", "mcap_log", "study", "present", "report", "nodes"},
+    "cli": {"biomech", "model", "mcap_log", "study", "present", "report", "nodes", "explore"},
+}
+
+
+@pytest.mark.parametrize("room", INWARDS)
+def test_imports_point_inwards(room: str):
+    """Also those inside of functions, and those for the type checker alone."""
+    pattern = re.compile(r"^\s*from helmet_sim_ros\.(\w+)", re.MULTILINE)
+    texts = [path.read_text("utf-8") for path in (ROOT / "helmet_sim_ros" / room).rglob("*.py")]
+    imported = {name for text in texts for name in pattern.findall(text)}
+    assert texts and imported & INWARDS.keys() <= {room, *INWARDS[room]}
+
+
+def test_nodes_without_ros_say_what_brings_it():
+    code = (
+        "import sys; sys.modules['rclpy'] = None; from helmet_sim_ros.cli import main;main(['up'])"
+    )
+    run = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
+    assert run.returncode == 1
+    assert "Traceback" not in run.stderr and "helmet_sim_ros[ros]" in run.stderr
+
+
 def test_the_science_imports_no_ros():
     code = (
         "import sys\n"

@@ -26,6 +26,8 @@ from helmet_sim_ros.errors import LogError
 from helmet_sim_ros.mcap_log.decode import Decoder
 from helmet_sim_ros.mcap_log.source import McapSource
 from helmet_sim_ros.model.arrows import LENGTH_PER_FORCE, force_arrows, point_of_attack
+from helmet_sim_ros.model.surface.config import load_surface
+from helmet_sim_ros.model.surface.shapes import signed_distance
 from helmet_sim_ros.nodes.scene_markers import SceneMarkers
 from helmet_sim_ros.report.replay import gl
 from helmet_sim_ros.report.replay.gl import BACKENDS, GraphicsError, backend_works, choose_backend
@@ -81,6 +83,28 @@ def test_markers_show_arrows_only_while_there_is_a_force(record):
         assert len({marker.id for marker in shown}) == len(shown)
         assert {marker.header.frame_id for marker in shown} == {"world"}
         assert all(marker.action == Marker.ADD for marker in shown if marker not in arrows)
+
+
+@pytest.mark.parametrize(
+    "surface", ["ground", "incline_45", "kerbstone", "hemisphere", "car_front"]
+)
+def test_markers_show_what_is_struck_where_it_is(record, surface):
+    """The outermost of the middles of a marker's faces lies on the surface."""
+    config = load_surface(surface)
+    markers = SceneMarkers(ImpactSetup(surface=surface)).message(record, 0, 0).markers
+    struck = [m for m in markers if m.ns == ("ground" if surface == "ground" else "surface")]
+    compiled, solids = config.compiled(), range(len(config.shapes))
+    assert len(struck) >= len(config.shapes)
+    tops = []
+    for marker in struck:
+        at, q = marker.pose.position, marker.pose.orientation
+        scale = np.array([marker.scale.x, marker.scale.y, marker.scale.z])
+        faces = 0.5 * scale * np.vstack([np.eye(3), -np.eye(3)])
+        middle = np.array([at.x, at.y, at.z])
+        points = middle + Rotation.from_quat([q.x, q.y, q.z, q.w]).apply(faces)
+        depths = [min(signed_distance(compiled, k, *p)[0] for k in solids) for p in points]
+        tops.append(max(depths))
+    assert min(tops) > -2e-3 and max(tops) < 6e-3  # the rounded end of a wedge is drawn square
 
 
 def test_a_log_holds_a_scene_that_moves(path):

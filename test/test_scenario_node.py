@@ -21,8 +21,8 @@ from domains import claim_domain
 pytest.importorskip("rclpy", reason="no ROS 2 Python client is installed")
 
 from helmet_sim_ros.biomech.evaluation import evaluate
-from helmet_sim_ros.cli._client import call, ros_client, wait_for_service
 from helmet_sim_ros.model.impact import simulate
+from helmet_sim_ros.nodes.client import call, ros_client, wait_for_service
 from helmet_sim_ros.study import load_scenario
 
 DOMAIN = claim_domain()

@@ -105,11 +105,16 @@ def filtered(signal: FloatArray, channel_class: float, time_step: float) -> Floa
     """:func:`cfc` of a checked signal, without the warning; stored column by column."""
     if not signal.any():  # the neck of a headform
         return np.zeros_like(signal)
-    design = _design(channel_class, time_step)
+    design, n = _design(channel_class, time_step), len(signal)
     rows = signal.T  # the samples along the last axis
-    rest = rows[..., -1:].repeat(design.tail, axis=-1)
-    forward = design.run(np.concatenate((rows, rest), axis=-1))
-    return design.run(forward[..., ::-1])[..., ::-1][..., : len(signal)].T
+    first = rows[..., :1]  # a constant passes unchanged, so it is left out of the recursions
+    rest = np.empty((*rows.shape[:-1], n + design.tail))
+    np.subtract(rows, first, out=rest[..., :n])
+    rest[..., n:] = rest[..., n - 1 : n]
+    forward = design.run(rest)[..., ::-1]
+    settled = forward[..., :1].copy()
+    backward = design.run(np.subtract(forward, settled))
+    return (backward[..., ::-1][..., :n] + (first + settled)).T
 
 
 class _Design(NamedTuple):
@@ -120,9 +125,8 @@ class _Design(NamedTuple):
     tail: int
 
     def run(self, rows: FloatArray) -> FloatArray:
-        """The pass along the last axis, as if the first value had been there for ever."""
-        first = rows[..., :1]  # a constant passes unchanged
-        return first + recursion(self.a, weighted(self.b, rows - first))
+        """The pass along the last axis, at rest before its first value, which is 0."""
+        return recursion(self.a, weighted(self.b, rows))
 
 
 @lru_cache(maxsize=32)

@@ -66,7 +66,8 @@ def maximum_window(values: FloatArray, time_step: float, window: float | None = 
     if window is not None and window < last * time_step:
         lags = window / time_step
         max_lag = int(lags * (1.0 + 1e-12))
-        best = _limit_windows(velocity, lags)
+        if lags - max_lag > 1e-9:  # else its ends are both on samples
+            best = _limit_windows(velocity, lags)
     if max_lag >= 1:
         best = _sample_windows(velocity, gains, max_lag, float(values.max()), best)
     score, first, final = best

@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helmet_sim_ros.errors import PulseError
+from helmet_sim_ros.extra import need
+from helmet_sim_ros.views import show
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -170,9 +172,7 @@ class ImpactRecord:
         Raises:
             MissingExtraError: pandas is not installed.
         """
-        from helmet_sim_ros.present.frames import sample_frame
-
-        return sample_frame(self)
+        return show("sample_frame", self)
 
     def plot(self) -> Figure:
         """The histories of the impact as a matplotlib figure, which a notebook shows.
@@ -180,22 +180,14 @@ class ImpactRecord:
         Raises:
             MissingExtraError: matplotlib is not installed.
         """
-        from helmet_sim_ros.present.extra import need
-
         need("matplotlib.figure", "report")
-        from helmet_sim_ros.present.figure import record_figure
-
-        return record_figure(self)
+        return show("record_figure", self)  # type: ignore[no-any-return]
 
     def __repr__(self) -> str:
-        from helmet_sim_ros.present.words import record_text
-
-        return record_text(self)
+        return str(show("record_text", self))
 
     def _repr_html_(self) -> str:
-        from helmet_sim_ros.present.html import record_html
-
-        return record_html(self)
+        return str(show("record_html", self))
 
 
 def _same_side(turns: FloatArray) -> FloatArray:

@@ -6,6 +6,8 @@ and 40 MB in every worker of a study.
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from scipy.linalg.lapack import dtbtrs
 
@@ -22,12 +24,19 @@ def recursion(feedback: FloatArray, drive: FloatArray) -> FloatArray:
     Returns:
         y, shape of ``drive``.
     """
-    # A triangular matrix with two bands below its diagonal of ones.
-    bands = np.empty((3, drive.shape[-1]), order="F")
-    bands[:] = feedback[:, None]
+    bands = _bands(*feedback.tolist(), drive.shape[-1])
     columns, _ = dtbtrs(bands, np.atleast_2d(drive).T, uplo="L", diag="U")
     answer: FloatArray = columns.T.reshape(drive.shape)
     return answer
+
+
+@lru_cache(maxsize=32)
+def _bands(a0: float, a1: float, a2: float, samples: int) -> FloatArray:
+    """A triangular matrix with two bands below its diagonal of ones, as LAPACK stores one."""
+    bands = np.empty((3, samples), order="F")
+    bands[:] = [[a0], [a1], [a2]]
+    bands.flags.writeable = False
+    return bands
 
 
 def weighted(weights: FloatArray, values: FloatArray) -> FloatArray:

@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass, field, fields
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from helmet_sim_ros.errors import PulseError, did_you_mean
+from helmet_sim_ros.views import show
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -90,19 +91,13 @@ class Evaluation:
         Raises:
             MissingExtraError: pandas is not installed.
         """
-        from helmet_sim_ros.present.frames import criteria_frame
-
-        return criteria_frame(self)
+        return show("criteria_frame", self)
 
     def __repr__(self) -> str:
-        from helmet_sim_ros.present.words import evaluation_text
-
-        return evaluation_text(self)
+        return str(show("evaluation_text", self))
 
     def _repr_html_(self) -> str:
-        from helmet_sim_ros.present.html import evaluation_html
-
-        return evaluation_html(self)
+        return str(show("evaluation_html", self))
 
     def as_dict(self) -> dict[str, Any]:
         """Plain JSON types; see ``config/evaluation.schema.json``."""

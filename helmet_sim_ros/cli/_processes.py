@@ -19,7 +19,6 @@ from typing import Any, Protocol
 
 import yaml
 
-from helmet_sim_ros.cli._client import no_ros
 from helmet_sim_ros.errors import NodeError
 
 NODES = ("simulation", "evaluator", "recorder", "scenario")
@@ -75,16 +74,12 @@ def start_nodes(
         parameters, remaps, quiet: see :class:`NodeProcesses`.
 
     Raises:
-        NodeError: no ROS 2 Python client is installed.
+        MissingExtraError: no ROS 2 Python client is installed.
     """
     if not one_process:
         return NodeProcesses(parameters, remaps, quiet)
-    try:
-        from helmet_sim_ros.nodes.one_process import OneProcess
-    except ImportError as error:
-        if (error.name or "").startswith("helmet_sim_ros"):
-            raise
-        raise no_ros(error) from error
+    from helmet_sim_ros.nodes.one_process import OneProcess
+
     return OneProcess(parameters, remaps, quiet)
 
 

@@ -12,7 +12,7 @@ import click
 from rich.console import Console
 
 from helmet_sim_ros.cli._processes import termination_as_interrupt
-from helmet_sim_ros.present.extra import need
+from helmet_sim_ros.extra import need
 
 #: Asked for where no port is given.
 DEFAULT_PORT = 8123

@@ -78,7 +78,7 @@ def import_(
     The result is a folder with helmet.yaml and an array file, for helmet=FOLDER/helmet.yaml
     everywhere. Axes: x forward, y left, z up, origin at the head's centre of gravity.
     """
-    from helmet_sim_ros.study.extra import need
+    from helmet_sim_ros.extra import need
 
     need("trimesh", "cad")
     need("embreex", "cad")

@@ -14,7 +14,6 @@ import click
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from helmet_sim_ros.cli._client import call, ros_client, wait_for_service
 from helmet_sim_ros.cli._options import domain_option
 from helmet_sim_ros.cli._processes import (
     NODES,
@@ -26,6 +25,7 @@ from helmet_sim_ros.errors import LogError, NodeError, SetupError
 from helmet_sim_ros.mcap_log.digest import setup_digest
 from helmet_sim_ros.mcap_log.writer import PART
 from helmet_sim_ros.model.fall.setup import Fall
+from helmet_sim_ros.nodes.client import call, ros_client, wait_for_service
 from helmet_sim_ros.nodes.environment import prepare_environment
 from helmet_sim_ros.resources import is_path
 from helmet_sim_ros.study.scenario.matrix import Case, Scenario

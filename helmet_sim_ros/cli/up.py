@@ -8,13 +8,13 @@ from typing import Any
 
 import click
 
-from helmet_sim_ros.cli._client import TICK
 from helmet_sim_ros.cli._options import domain_option
 from helmet_sim_ros.cli._processes import (
     NODES,
     start_nodes,
     termination_as_interrupt,
 )
+from helmet_sim_ros.nodes.client import TICK
 from helmet_sim_ros.nodes.environment import prepare_environment
 
 

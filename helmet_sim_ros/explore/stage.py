@@ -126,6 +126,8 @@ class Stage:
         helmet = self.shown.record.helmet_position[0]
         if helmet_only:
             return helmet, 0.3
+        if self._copy is not None:
+            positions = np.vstack([positions, self._copy.position])
         center = 0.5 * (positions.min(axis=0) + positions.max(axis=0))
         return center, float(np.linalg.norm(positions - center, axis=1).max()) + 0.15
 

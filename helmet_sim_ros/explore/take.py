@@ -178,12 +178,12 @@ class TakePanel:
         self._texts.content = markup.copies(texts)
 
     def _send(self) -> None:
-        from helmet_sim_ros.cli.call import ask_for_impact
-
         assert self._answer is not None
         self._answer.content = _said("asking the simulation node…")
         values = self._session.slot(self._side()).values()
         try:
+            from helmet_sim_ros.nodes.asking import ask_for_impact  # where there is ROS
+
             answer = ask_for_impact(values, self._namespace.value, _NODES_TIMEOUT)
         except HelmetSimError as error:
             self._answer.content = markup.STYLE + markup.problem(str(error))

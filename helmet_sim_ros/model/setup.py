@@ -18,6 +18,7 @@ from helmet_sim_ros.model.rider.properties import RETIRED, Rider, refuse_retired
 from helmet_sim_ros.model.state import read_state
 from helmet_sim_ros.model.surface.config import SCENE, SurfaceConfig, load_surface
 from helmet_sim_ros.schema import Config, leaf_values, leaves, quantity
+from helmet_sim_ros.views import show
 
 Rig = Literal["rider", "headform", "monorail"]
 Rates = Literal["several", "single"]
@@ -109,13 +110,8 @@ class ImpactSetup(Config):
     @model_validator(mode="before")
     @classmethod
     def _normalise(cls, data: Any) -> Any:
-        if not isinstance(data, Mapping):
-            return data
-        data = dict(data)
-        overrides = data.get("overrides", {})
-        if isinstance(overrides, Mapping):
-            data = fold_overrides(data, overrides, _SETUP_KEYS)
-        if data.get("direction") == "side":
+        data = with_overrides(data, _SETUP_KEYS)
+        if isinstance(data, dict) and data.get("direction") == "side":
             data["direction"] = "left"
         return data
 
@@ -246,13 +242,12 @@ class ImpactSetup(Config):
 
     def _repr_html_(self) -> str:
         from helmet_sim_ros.model.helmet import Helmet
-        from helmet_sim_ros.present.html import setup_html
 
         described, default = self.described(), ImpactSetup().described()
         every = [*setup_leaves(), *leaves(Helmet, "helmet.")]
         units = {leaf.name: leaf.unit for leaf in every}
         changed = [name for name, value in described.items() if value != default[name]]
-        return setup_html(described, units, changed)
+        return str(show("setup_html", described, units, changed))
 
     def described(self) -> dict[str, Any]:
         """Every value by its dotted name, as plain JSON data, for logs and provenance."""
@@ -282,6 +277,17 @@ def _setup_keys() -> dict[str, str]:
         group = "sim" if leaf.name in ("duration", "time_step", "rates") else "impact"
         names[f"{group}.{leaf.name}"] = leaf.name
     return names
+
+
+def with_overrides(data: Any, keys: Mapping[str, str]) -> Any:
+    """Fields of a setup as given, their ``overrides`` folded in by :func:`fold_overrides`; what is
+    no mapping is left to the schema to refuse."""
+    if not isinstance(data, Mapping):
+        return data
+    overrides = data.get("overrides", {})
+    if not isinstance(overrides, Mapping):
+        return dict(data)
+    return fold_overrides(dict(data), overrides, keys)
 
 
 def fold_overrides(

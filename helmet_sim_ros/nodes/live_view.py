@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
-from visualization_msgs.msg import MarkerArray
+from visualization_msgs.msg import Marker, MarkerArray
 
 from helmet_sim_ros.biomech.record import ImpactRecord
 from helmet_sim_ros.model.setup import ImpactSetup
@@ -75,5 +75,7 @@ class LiveView:
 
     def _markers_of(self, setup: ImpactSetup) -> SceneMarkers:
         if self._markers is None or self._markers.setup is not setup:
+            if self._markers is not None:  # what the scene before had more of would stay
+                self._scene.publish(MarkerArray(markers=[Marker(action=Marker.DELETEALL)]))
             self._markers = SceneMarkers(setup)
         return self._markers

@@ -11,8 +11,8 @@ from helmet_sim_ros.biomech.evaluation import evaluate
 from helmet_sim_ros.biomech.record import ImpactRecord
 from helmet_sim_ros.biomech.result import Evaluation
 from helmet_sim_ros.errors import PulseError, did_you_mean
+from helmet_sim_ros.extra import need
 from helmet_sim_ros.model.setup import ImpactSetup
-from helmet_sim_ros.present.extra import need
 from helmet_sim_ros.present.html import table
 from helmet_sim_ros.present.words import quantity_text, value_text
 

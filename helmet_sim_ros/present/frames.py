@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from helmet_sim_ros.biomech.record import ImpactRecord, block_labels, block_units, to_block
 from helmet_sim_ros.biomech.result import Evaluation
-from helmet_sim_ros.present.extra import need
+from helmet_sim_ros.extra import need
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -21,11 +21,11 @@ from helmet_sim_ros.model.setup import (
     GROUPS,
     ImpactSetup,
     Rig,
-    fold_overrides,
     overridden_helmet,
     setup_from_names,
     surface_of_head,
     told_helmet,
+    with_overrides,
 )
 from helmet_sim_ros.model.surface.config import SCENE, SurfaceConfig, load_surface
 from helmet_sim_ros.model.surface.scenes import Drive, load_scene
@@ -116,13 +116,7 @@ class Fall(Config):
     @model_validator(mode="before")
     @classmethod
     def _normalise(cls, data: Any) -> Any:
-        if not isinstance(data, Mapping):
-            return data
-        data = dict(data)
-        overrides = data.get("overrides", {})
-        if isinstance(overrides, Mapping):
-            data = fold_overrides(data, overrides, _FALL_KEYS)
-        return data
+        return with_overrides(data, _FALL_KEYS)
 
     @model_validator(mode="after")
     def _possible(self) -> Fall:

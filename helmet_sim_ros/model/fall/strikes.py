@@ -18,6 +18,7 @@ from helmet_sim_ros.biomech.record import CHANNELS, FloatArray, ImpactRecord
 from helmet_sim_ros.biomech.result import Evaluation
 from helmet_sim_ros.biomech.rotation import matrices
 from helmet_sim_ros.errors import PulseError, SetupError
+from helmet_sim_ros.extra import need
 from helmet_sim_ros.model.compiled import compiled
 from helmet_sim_ros.model.fall.setup import Fall, fall_from_names, is_fall, setup_or_fall
 from helmet_sim_ros.model.force.columns import first_touch
@@ -178,8 +179,6 @@ class HeadStrikes(tuple[Strike, ...]):
         Raises:
             MissingExtraError: pandas is not installed.
         """
-        from helmet_sim_ros.present.extra import need
-
         pandas = need("pandas", "study")
         names = [name for name, _ in COLUMNS]
         table = pandas.DataFrame(self.rows(), columns=[*names, "peak_g", "hic", "bric"])

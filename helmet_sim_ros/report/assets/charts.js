@@ -68,10 +68,10 @@
         const inside = box[0] >= bbox.left && box[2] <= bbox.left + bbox.width && box[1] >= bbox.top && box[3] <= bbox.top + bbox.height;
         if (!inside || this.taken.some((b) => box[0] < b[2] && b[0] < box[2] && box[1] < b[3] && b[1] < box[3])) continue;
         this.taken.push(box);
-        ctx.strokeStyle = css("--bg");
-        ctx.lineWidth = 4 * this.ratio;
-        ctx.lineJoin = "round";
-        ctx.strokeText(text, left, base);
+        ctx.globalAlpha = 0.8;  // a curve behind it stays to be seen, but does not strike it out
+        ctx.fillStyle = css("--bg");
+        ctx.fillRect(box[0], box[1], box[2] - box[0], box[3] - box[1]);
+        ctx.globalAlpha = 1;
         ctx.fillStyle = color;
         ctx.fillText(text, left, base);
         break;

@@ -71,6 +71,8 @@
     let peak = 0;
     for (let f = 0; f < count; f++) if (at(force, time[f]) > at(force, time[peak])) peak = f;
     const state = { frame: peak, azimuth: -0.9, elevation: 0.22, zoom: false, playing: false };
+    const planes = scene.surface.filter((s) => s.kind === "plane").map((s) => [s.rotation[2], s.rotation[5], s.rotation[8]]);
+    for (let k = 0; k < 4 && planes.some((normal) => dot(normal, viewed().near) < 0.2); k++) state.azimuth += Math.PI / 2;
     slider.max = count - 1;
 
     const pose = (b) => {
@@ -323,7 +325,7 @@
     /* Tails where the force acts; the name stands beyond the tip, away from the other arrow. */
     function arrow(name, i, { to }) {
       const v = arrowAt(i), tail = to(v.slice(0, 3)), whole = to(v.slice(3));
-      const tip = whole.map((w, k) => tail[k] + (state.zoom ? 0.4 : 1) * (w - tail[k]));  // to fit the view
+      const tip = whole.map((w, k) => tail[k] + (state.zoom || !("thorax" in place) ? 0.4 : 1) * (w - tail[k]));  // to fit the view
       const dx = tip[0] - tail[0], dy = tip[1] - tail[1], long = Math.hypot(dx, dy);
       if (long < 3) return;
       const [ux, uy] = [dx / long, dy / long], size = Math.min(12, long);

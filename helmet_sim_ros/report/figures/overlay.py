@@ -34,7 +34,7 @@ def overlay_figure(pairs: Sequence[Pair], names: tuple[str, str]) -> Figure:
 
 
 def _histories(record: ImpactRecord) -> Iterable[tuple[str, FloatArray]]:
-    normal, _ = ground_components(record.ground_force)
+    normal, _ = ground_components(record.ground_force, record.ground_friction)
     return (
         ("head acceleration [g]", magnitude(record.head_acceleration) / STANDARD_GRAVITY),
         ("normal ground force [kN]", normal / 1e3),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from markupsafe import Markup
 
@@ -75,8 +77,9 @@ def _outline() -> list[str]:
     for ring in _RINGS:
         r = ring * _RADIUS / _REACH
         parts.append(f'<circle class="ring" cx="{_MIDDLE[0]:g}" cy="{_MIDDLE[1]:g}" r="{r:.1f}"/>')
-        parts.append(f'<text class="soft" x="{_MIDDLE[0] + 3:g}" y="{_MIDDLE[1] + r - 3:.1f}">'
-                     f"{ring}°</text>")  # fmt: skip
+        slant = r * math.sqrt(0.5)  # between back and right, where no other text is
+        parts.append(f'<text class="soft" text-anchor="middle" x="{_MIDDLE[0] + slant:.1f}" '
+                     f'y="{_MIDDLE[1] + slant:.1f}">{ring}°</text>')  # fmt: skip
     turn = np.linspace(0.0, 2.0 * np.pi, 73)
     across, up = np.cos(turn), np.sin(turn)
     squared = (across**4 + up**4) ** -0.25

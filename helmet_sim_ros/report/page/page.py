@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from importlib import resources
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -33,8 +33,8 @@ _INLINE = {
 LIMITS = (
     "These are results of a simulation. They replace no test of a helmet, and a verdict here is no "
     "certificate: it compares numbers with limits.",
-    "Skull and headform are rigid, the shell is an ellipsoid on a flat rigid ground; face opening, "
-    "chin bar, visor and the deformation of the body are left out.",
+    "Skull and headform are rigid. The shell is an ellipsoid, or the cells of the helmet's "
+    "geometry; face opening, chin bar, visor and the deformation of the body are left out.",
     "With coupling 'spring' the helmet moves against the head in translation only; with 'foam' "
     "each column of the liner is crushed on its own.",
     "Accelerations are inertial, of the head's centre of gravity, in world axes; rotation is shown "
@@ -94,7 +94,11 @@ def report_page(logs: Sequence[ImpactLog], standard: str | None = None) -> str:
         "setup": setup_rows(common(setups)),
         "provenance": [row for log in logs for row in _provenance(log)],
         "kept": sum(not m["fail"] for _, row in rows for m in messages(row.evaluation)),
-        "limits": [*LIMITS, *map(pretty, _warnings(row.evaluation for _, row in rows))],
+        "limits": [
+            _struck(setups),
+            *LIMITS,
+            *map(pretty, _warnings(row.evaluation for _, row in rows)),
+        ],
     }
     context |= {name: Markup(_asset(file)) for name, file in _INLINE.items()}
     environment = jinja2.Environment(
@@ -112,6 +116,14 @@ def _headline(rows: Sequence[Reviewed], failed: int) -> str:
     if differing:
         text += f"; {differing} with logged criteria that the samples do not give"
     return text
+
+
+def _struck(setups: Sequence[Mapping[str, object]]) -> str:
+    names = dict.fromkeys(str(setup.get("impact.surface", "ground")) for setup in setups)
+    return (
+        f"What is struck ({', '.join(names)}) is rigid but for the panels that its file names, and "
+        "has the shape that the replay shows, with the rounded edges of that file."
+    )
 
 
 def _provenance(log: ImpactLog) -> list[dict[str, str]]:

@@ -12,7 +12,10 @@ from markupsafe import Markup, escape
 from helmet_sim_ros.biomech.record import FloatArray
 
 _WIDTH, _HEIGHT = 320.0, 250.0
-_LEFT, _RIGHT, _TOP, _BOTTOM = 46.0, 10.0, 10.0, 40.0
+_LEFT, _RIGHT, _TOP, _BOTTOM = 58.0, 10.0, 10.0, 40.0
+_LETTER = 7.0  # width of a letter, and gap between two texts
+#: Narrowest range of an axis, in its unit; less is rounding.
+_LEAST = 1e-3
 #: Points drawn per curve; more cannot be told apart at this size.
 MOST_POINTS = 240
 
@@ -65,10 +68,20 @@ def ticks(low: float, high: float, count: int = 5) -> list[float]:
     return [i * step for i in range(first, math.floor(high / step + 1e-9) + 1)]
 
 
+def _that_fit(limits: tuple[float, float], width: float) -> list[float]:
+    """Ticks whose texts do not touch in a row of this width."""
+    for count in (5, 3):
+        found = ticks(*limits, count)
+        if sum(_LETTER * (len(f"{value:g}") + 1) for value in found) <= width:
+            break
+    return found
+
+
 def _range(values: Sequence[FloatArray]) -> tuple[float, float]:
     low = min(0.0, *(float(v.min()) for v in values))
     high = max(0.0, *(float(v.max()) for v in values))
-    span = high - low or 1.0
+    high = max(high, low + _LEAST)
+    span = high - low
     return low - 0.04 * span * (low < 0.0), high + 0.06 * span
 
 
@@ -77,7 +90,7 @@ def _axes(
 ) -> list[str]:
     bottom, right = _HEIGHT - _BOTTOM, _WIDTH - _RIGHT
     parts = []
-    for value in ticks(*x_range):
+    for value in _that_fit(x_range, right - _LEFT):
         x = _x(value, x_range)
         parts.append(
             f'<line class="grid" x1="{x:.1f}" x2="{x:.1f}" y1="{_TOP:g}" y2="{bottom:g}"/>'

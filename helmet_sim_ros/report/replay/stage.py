@@ -10,15 +10,20 @@ import numpy as np
 from helmet_sim_ros.biomech.record import FloatArray, ImpactRecord
 from helmet_sim_ros.model.arrows import force_arrows
 from helmet_sim_ros.model.scene import Scene
+from helmet_sim_ros.model.surface.drawing import Primitive, drawn
 from helmet_sim_ros.report.replay.scene import scene_of
 
 _KINDS = {
     "ellipsoid": mujoco.mjtGeom.mjGEOM_ELLIPSOID,
     "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE,
+    "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
+    "box": mujoco.mjtGeom.mjGEOM_BOX,
+    "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
 }
 _GROUND = (0.78, 0.80, 0.82, 1.0)
+_ANVIL = (0.60, 0.63, 0.66, 1.0)  # what else is struck
 _LINE = (0.60, 0.63, 0.66, 1.0)
-_TILE, _HALF = 0.25, 2.0  # m, spacing of the ground's lines and half its edge
+_TILE, _HALF = 0.25, 2.0  # m, spacing of a plane's lines and half its edge
 _SHAFT = 0.012  # m, half width of an arrow
 _SKY, _SKY_RADIUS = (0.92, 0.94, 0.96, 1.0), 15.0
 _SHELL_OPACITY = 0.55  # so that head and arrows are seen through it
@@ -64,26 +69,37 @@ class Stage:
             _add(target, _KINDS[shape.kind], shape.size, position, rotation, color)
 
     def draw_around(self, target: mujoco.MjvScene, index: int) -> None:
-        """Add ground and forces of one sample to a scene."""
-        x, y = np.round(self.record.helmet_position[0][:2] / _TILE) * _TILE
-        flat = np.eye(3).ravel()
-        _add(
-            target, mujoco.mjtGeom.mjGEOM_BOX, (_HALF, _HALF, 0.005), (x, y, -0.006), flat, _GROUND
-        )
-        for offset in np.arange(-_HALF, _HALF + 1e-9, _TILE):
-            box = mujoco.mjtGeom.mjGEOM_BOX
-            _add(target, box, (0.003, _HALF, 0.001), (x + offset, y, 0.0), flat, _LINE)
-            _add(target, box, (_HALF, 0.003, 0.001), (x, y + offset, 0.0), flat, _LINE)
+        """Add surface and forces of one sample to a scene."""
+        for solid in drawn(self.scene.setup.surface_config):
+            if solid.kind == "plane":
+                self._draw_plane(target, solid)
+            else:
+                kind, axes = _KINDS[solid.kind], solid.rotation.ravel()
+                _add(target, kind, solid.size, solid.position, axes, _ANVIL)
         for arrow in force_arrows(self.record, index):
             if arrow.visible:
                 geom = _add(
-                    target, mujoco.mjtGeom.mjGEOM_ARROW, (0.0,) * 3, (0.0,) * 3, flat, arrow.color
-                )
+                    target, mujoco.mjtGeom.mjGEOM_ARROW, (0.0,) * 3, (0.0,) * 3,
+                    np.eye(3).ravel(), arrow.color,
+                )  # fmt: skip
                 # MuJoCo 4.0 draws an arrow half as long as its connector.
                 mujoco.mjv_connector(
                     geom, mujoco.mjtGeom.mjGEOM_ARROW, _SHAFT,
                     arrow.tail, 2.0 * arrow.tip - arrow.tail,
                 )  # fmt: skip
+
+    def _draw_plane(self, target: mujoco.MjvScene, plane: Primitive) -> None:
+        """Lines under the helmet's first place, on a plate that hides nothing from behind."""
+        axes, box = plane.rotation, mujoco.mjtGeom.mjGEOM_BOX
+        in_front = (target.camera[0].pos - plane.position) @ axes[:, 2] >= 0.0
+        away = (self.record.helmet_position[0] - plane.position) @ axes
+        x, y = np.round(away[:2] / _TILE) * _TILE
+        lines = np.arange(-_HALF, _HALF + 1e-9, _TILE)
+        plates = [((_HALF, _HALF, 0.005), (x, y, -0.006), _GROUND)] if in_front else []
+        plates += [((0.003, _HALF, 0.001), (x + offset, y, 0.0), _LINE) for offset in lines]
+        plates += [((_HALF, 0.003, 0.001), (x, y + offset, 0.0), _LINE) for offset in lines]
+        for size, place, color in plates:
+            _add(target, box, size, plane.position + axes @ place, axes.ravel(), color)
 
     def corners(self) -> Iterator[FloatArray]:
         """Where the shapes are at the first and the last sample, for the camera."""

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+from helmet_sim_ros.biomech.helmet import ground_components
 from helmet_sim_ros.biomech.pulse import STANDARD_GRAVITY, magnitude
 from helmet_sim_ros.biomech.record import ImpactRecord
 from helmet_sim_ros.errors import LogError
@@ -123,7 +124,7 @@ class TimeBar:
     def __init__(self, record: ImpactRecord, width: int, height: int, title: str) -> None:
         self._time = record.time * 1e3
         self._g = magnitude(record.head_acceleration) / STANDARD_GRAVITY
-        self._force = record.ground_force[:, 2] / 1e3
+        self._force = ground_components(record.ground_force, record.ground_friction)[0] / 1e3
         self._width, self._height, self._title = width, height, title
         self._margin = height // 8
         self._font = ImageFont.load_default(size=max(11, height // 5))
@@ -146,7 +147,7 @@ class TimeBar:
         draw.line((x, self._margin, x, self._height - self._margin), (190, 40, 40, 255), 2)
         text = (
             f"{self._time[index]:6.2f} ms   {self._g[index]:5.1f} g   "
-            f"ground {self._force[index]:5.2f} kN   {self._title}"
+            f"normal force {self._force[index]:5.2f} kN   {self._title}"
         )
         draw.text((self._margin, self._margin // 2), text, (25, 28, 32, 255), self._font)
         picture[-self._height :] = np.asarray(strip)

@@ -14,20 +14,21 @@ LEADING = ("impact.direction", "impact.normal_velocity", "impact.tangential_velo
 FOLLOWING = ("helmet.description", "impact.neck_flexion_deg")
 #: Setup values that name the impacts of a log shortly; all others are on request.
 SHORT = (
-    "impact.rig", "helmet.name", "helmet.coupling", "impact.body_angle_deg",
+    "impact.rig", "impact.surface", "helmet.name", "helmet.coupling", "impact.body_angle_deg",
     "impact.tangential_heading_deg", "impact.friction", "impact.gravity", "rider.height",
     "rider.mass", "sim.duration", "sim.time_step",
 )  # fmt: skip
 
 
 def label(setup: Setup) -> str:
-    """``left, 5 m/s, 10 m/s along the ground``."""
+    """``left, 5 m/s, 10 m/s along the ground``; ``surface`` where that is another one."""
     direction, normal, tangential = (setup.get(name) for name in LEADING)
     parts = [str(direction or "impact")]
     if isinstance(normal, int | float):
         parts.append(f"{normal:g} m/s")
     if isinstance(tangential, int | float) and tangential:
-        parts.append(f"{tangential:g} m/s along the ground")
+        struck = "ground" if setup.get("impact.surface", "ground") == "ground" else "surface"
+        parts.append(f"{tangential:g} m/s along the {struck}")
     return ", ".join(parts)
 
 
@@ -47,9 +48,13 @@ def common(setups: Sequence[Setup]) -> dict[str, object]:
 def labels(setups: Sequence[Setup], speeds: bool = True) -> list[str]:
     """A label for each setup: direction, speeds, and up to four other values that differ."""
     more = [n for n in varying(setups) if n not in (*LEADING, *FOLLOWING)][:4]
+    last = [n.rpartition(".")[2] for n in more]
+    words = [
+        w if last.count(w) == 1 else n.replace(".", " ") for n, w in zip(more, last, strict=True)
+    ]
     names = []
     for setup in setups:
         first = label(setup) if speeds else str(setup.get(LEADING[0]) or "impact")
-        extra = [f"{n.rpartition('.')[2]} {value_text(setup.get(n))}" for n in more]
+        extra = [f"{w} {value_text(setup.get(n))}" for n, w in zip(more, words, strict=True)]
         names.append("; ".join([first, *extra]))
     return names

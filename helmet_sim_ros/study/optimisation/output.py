@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from helmet_sim_ros.study.extra import need
+from helmet_sim_ros.extra import need
 from helmet_sim_ros.study.optimisation.trials import Effect, OptimisationResult, Trial
 
 
@@ -42,9 +42,9 @@ def plot_trials(path: Path, result: OptimisationResult) -> None:
     the trials.
 
     Raises:
-        StudyError: matplotlib is not installed.
+        MissingExtraError: matplotlib is not installed.
     """
-    figure_class = need("matplotlib.figure").Figure
+    figure_class = need("matplotlib.figure", "study").Figure
     names = [goal.response for goal in result.plan.file.objectives]
     pairs = list(itertools.pairwise(names))
     figure = figure_class(figsize=(6.4 * max(1, len(pairs)), 4.8), layout="constrained")

@@ -11,7 +11,7 @@ from typing import Any
 import yaml
 
 from helmet_sim_ros.errors import SetupError, StudyError
-from helmet_sim_ros.study.extra import need
+from helmet_sim_ros.extra import need
 from helmet_sim_ros.study.optimisation.output import plot_trials, write_sensitivity, write_trials
 from helmet_sim_ros.study.optimisation.plan import Optimisation, load_optimisation
 from helmet_sim_ros.study.optimisation.sensitivity import sensitivity
@@ -80,7 +80,7 @@ class _Search:
     """
 
     def __init__(self, plan: Optimisation, folder: StudyFolder) -> None:
-        self._optuna = need("optuna")
+        self._optuna = need("optuna", "study")
         self._plan = plan
         self._optuna.logging.set_verbosity(self._optuna.logging.ERROR)
         self._directions = ["minimize" if g.minimise else "maximize" for g in plan.file.objectives]

@@ -13,9 +13,9 @@ from scipy.optimize import OptimizeResult, least_squares
 
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.errors import SetupError, StudyError
+from helmet_sim_ros.extra import need
 from helmet_sim_ros.model.force.columns import Columns, columns
 from helmet_sim_ros.model.setup import ImpactSetup
-from helmet_sim_ros.study.extra import need
 from helmet_sim_ros.study.reconstruction.crash import (
     DURATION,
     NAMES,
@@ -108,7 +108,8 @@ def reconstruct(
 
     Raises:
         SetupError: a helmet without foam.
-        StudyError: emcee is not installed, or most simulations diverged.
+        MissingExtraError: emcee is not installed.
+        StudyError: most simulations diverged.
     """
     emcee = need("emcee", "cad")
     setup = setup.replaced({"rig": "headform", "duration": DURATION})

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any, Generic, Protocol, TypeVar
 
 from helmet_sim_ros.errors import SetupError, StudyError
-from helmet_sim_ros.study.extra import need
+from helmet_sim_ros.extra import need
 from helmet_sim_ros.study.sweeps.worker import Job, Outcome, run_chunk, warm_up
 
 #: Chunks per worker that are with the scheduler at once: one runs, the next ones wait. It bounds
@@ -62,19 +62,19 @@ def open_engine(workers: int | None = None, scheduler: str | None = None) -> Ite
 
     Raises:
         SetupError: the scheduler does not answer, has no workers, or workers of other versions.
-        StudyError: the extra ``study`` is not installed.
+        MissingExtraError: the extra ``study`` is not installed.
     """
     if scheduler is None and workers == 0:
         yield _Here()
         return
-    distributed = need("distributed")
+    distributed = need("distributed", "study")
     if scheduler is not None:
         with _connected(distributed, scheduler) as client:
             yield _Dask(distributed, client)
         return
     count = workers or len(os.sched_getaffinity(0))
     with (
-        need("dask").config.set({"distributed.scheduler.worker-saturation": 1.0}),
+        need("dask", "study").config.set({"distributed.scheduler.worker-saturation": 1.0}),
         distributed.LocalCluster(
             n_workers=count, threads_per_worker=1, dashboard_address="127.0.0.1:0",
             silence_logs=logging.CRITICAL,

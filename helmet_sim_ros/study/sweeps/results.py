@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from helmet_sim_ros.errors import SetupError, StudyError
-from helmet_sim_ros.study.extra import need
+from helmet_sim_ros.extra import need
 from helmet_sim_ros.study.sweeps.folder import StudyFolder
 from helmet_sim_ros.study.sweeps.study import Row, Study, value_leaves
 from helmet_sim_ros.study.sweeps.worker import Outcome
@@ -40,9 +40,10 @@ class ResultStore:
         Raises:
             SetupError: it holds results of another study, another process writes to it, it cannot
                 be written, or the disk is too small.
-            StudyError: what it holds cannot be read, or the extra ``study`` is not installed.
+            StudyError: what it holds cannot be read.
+            MissingExtraError: the extra ``study`` is not installed.
         """
-        self._arrow, self._parquet = need("pyarrow"), need("pyarrow.parquet")
+        self._arrow, self._parquet = need("pyarrow", "study"), need("pyarrow.parquet", "study")
         self._study = study
         self._schema = self._columns()
         self._rows = path / "rows"
@@ -93,7 +94,7 @@ class ResultStore:
             raise StudyError(
                 f"{self._folder.path}: {len(table)} of {len(self._study)} rows are there"
             )
-        csv = need("pyarrow.csv")
+        csv = need("pyarrow.csv", "study")
         self._folder.write(
             self._folder.path / "results.parquet", lambda to: self._parquet.write_table(table, to)
         )

@@ -1,4 +1,4 @@
-"""What the optional extras install, imported when it is needed."""
+"""What the optional extras install, imported when it is needed; rooms of every ring ask here."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A short-lived ROS client for the command line: calls with a deadline, never a hang."""
+"""A short-lived ROS client for those outside: calls with a deadline, never a hang."""
 
 from __future__ import annotations
 
@@ -8,18 +8,13 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+import rclpy
+from rclpy.signals import SignalHandlerOptions
+
 from helmet_sim_ros.errors import NodeError
 
 #: How often a waiting client looks at its processes and redraws [s].
 TICK = 0.1
-
-
-def no_ros(error: ImportError) -> NodeError:
-    """What to say where no ROS 2 Python client is installed."""
-    return NodeError(
-        f"ROS 2 is not importable ({error}); source a ROS 2 workspace, or install the wheels: "
-        "pip install 'helmet_sim_ros[ros]'"
-    )
 
 
 @contextmanager
@@ -27,13 +22,8 @@ def ros_client() -> Iterator[Any]:
     """A node for calls and subscriptions; it is gone when the block ends.
 
     Raises:
-        NodeError: no ROS 2 Python client is installed, or the middleware does not start.
+        RuntimeError: the middleware does not start.
     """
-    try:
-        import rclpy
-        from rclpy.signals import SignalHandlerOptions
-    except ImportError as error:
-        raise no_ros(error) from error
     shared = rclpy.ok()  # with nodes in this process
     if not shared:
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
@@ -76,8 +66,6 @@ def call(
     Raises:
         NodeError: no answer in time.
     """
-    import rclpy
-
     future = client.call_async(request)
     deadline = time.monotonic() + seconds
     while not future.done():
