@@ -54,7 +54,8 @@ def _compiled(function: F, inline: Literal["never", "always"], references: bool 
     config.CACHE_LOCATOR_CLASSES = f"{__name__}.{ByContent.__name__}"
     try:
         options: dict[str, Any] = {"inline": inline, "_nrt": references}  # its stubs lack _nrt
-        decorate: Any = numba.njit(cache=True, nogil=True, **options)
+        # numpy's division: by zero gives infinity, which the loops watch, and no branch.
+        decorate: Any = numba.njit(cache=True, nogil=True, error_model="numpy", **options)
         return decorate(function)  # type: ignore[no-any-return]
     finally:
         config.CACHE_LOCATOR_CLASSES = before
