@@ -9,8 +9,15 @@ unexport PYTHONPATH PYTHONHOME AMENT_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_P
 unexport RMW_IMPLEMENTATION
 
 BIN := $(VENV)/bin
-# Files with the longest tests first, so that no core waits for the other at the end.
-LONGEST_FIRST := $(sort $(wildcard test/test_study_*.py)) test/test_colcon.py $(sort $(wildcard test/test_nodes_*.py))
+# Two test processes per core: those of the nodes wait for other processes most of the time.
+WORKERS := $(shell echo $$((2 * $$(nproc))))
+# First falls and impacts, whose machine code is compiled side by side, and what needs none; then
+# nodes and those with the longest tests, so that no core waits for the others at the end.
+FIRST := test/test_falls.py test/test_study_certify.py $(sort $(wildcard test/test_biomech_*.py)) \
+  test/test_helmet_bad_meshes.py test/test_nodes_trust.py test/test_explore_page.py \
+  $(sort $(wildcard test/test_study_*.py test/test_nodes_*.py)) test/test_colcon.py \
+  test/test_report_page.py
+TESTS := $(FIRST) $(filter-out $(FIRST),$(sort $(wildcard test/test_*.py)))
 PACKAGING := setup.py setup.cfg pyproject.toml package.xml $(wildcard scripts/*_node)
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
@@ -20,7 +27,7 @@ demo: $(VENV)/.demo-ready
 	@$(BIN)/helmet-sim run oblique_table1
 
 test: $(VENV)/.test-ready
-	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder $(LONGEST_FIRST) test
+	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder $(TESTS)
 
 lint: $(VENV)/.test-ready
 	$(BIN)/ruff check .

@@ -3,6 +3,9 @@
 ``python -m bench.mutants [--count 60] [--seed S] [--only biomech]`` prints each mutant that no test
 noticed, with file, line and change, then how many were killed. A survivor is either a gap in the
 tests or no change of behaviour (an equivalent mutant), which only a reader can tell.
+
+Modules that machine code is built from take some minutes each to be compiled again; they are left
+out unless ``--compile`` is given.
 """
 
 from __future__ import annotations
@@ -21,6 +24,8 @@ from typing import NamedTuple
 
 import click
 
+from helmet_sim_ros.model.compiled import source_digest
+
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = "helmet_sim_ros"
 #: Beginning of a module's path in the package -> the tests that are its own, most likely first.
@@ -31,7 +36,8 @@ TESTS = {
     "yaml_file.py": ["test_yaml_file.py", "test_properties.py"],
     "schema.py": ["test_properties.py", "test_scenario.py", "test_biomech_standards.py"],
     "errors.py": ["test_properties.py", "test_yaml_file.py", "test_scenario.py"],
-    "model/": ["test_model_*.py"],
+    "model/fall/": ["test_fall*.py"],
+    "model/": ["test_model_*.py", "test_scenario.py"],
     "study/scenario/": ["test_scenario.py"],
     "study/identification/": ["test_study_identify.py"],
     "study/optimisation/": ["test_study_optimise.py"],
@@ -102,7 +108,7 @@ def _can_change(node: ast.AST) -> bool:
     if isinstance(node, ast.UnaryOp):
         return isinstance(node.op, ast.Not)
     if isinstance(node, ast.Return):
-        return node.value is not None
+        return node.value is not None and ast.unparse(node.value) != "None"
     return isinstance(node, (ast.If, ast.IfExp, ast.While, ast.BoolOp))
 
 
@@ -142,6 +148,62 @@ def tests_of(root: Path, module: Path) -> list[str]:
     return []
 
 
+def with_machine_code(root: Path) -> set[Path]:
+    """The modules that hold compiled functions, or constants and types that they are built with."""
+    found: set[Path] = set()
+    left = [
+        (path.relative_to(root), ("compiled", "inlined"))
+        for path in (root / PACKAGE / "model").rglob("*.py")
+    ]
+    while left:
+        module, decorators = left.pop()
+        tree = ast.parse((root / module).read_text(encoding="utf-8"))
+        used = {
+            node.id
+            for statement in tree.body if _is_built_with(statement, decorators)
+            for node in ast.walk(statement) if isinstance(node, ast.Name)
+        }  # fmt: skip
+        if module in found or (decorators and not _compiles(tree, decorators)):
+            continue
+        found.add(module)
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ImportFrom) and str(node.module).startswith(f"{PACKAGE}.model"):
+                if used & {alias.asname or alias.name for alias in node.names}:
+                    left.append((Path(*str(node.module).split(".")).with_suffix(".py"), ()))
+                # A module whose functions are used by its name.
+                for alias in node.names:
+                    inner = Path(*str(node.module).split("."), f"{alias.name}.py")
+                    if (root / inner).is_file() and (alias.asname or alias.name) in used:
+                        left.append((inner, ()))
+        left = [(m, d) for m, d in left if (root / m).is_file()]
+    return found
+
+
+def _compiles(tree: ast.Module, decorators: tuple[str, ...]) -> bool:
+    functions = [s for s in tree.body if isinstance(s, ast.FunctionDef)]
+    return any(_is_built_with(function, decorators) for function in functions)
+
+
+def _is_built_with(statement: ast.stmt, decorators: tuple[str, ...]) -> bool:
+    """Whether a statement of a module is a compiled function or may be named in one; without
+    decorators: all but imports may be."""
+    if isinstance(statement, (ast.Assign, ast.AnnAssign)):
+        return True
+    if not decorators:
+        return not isinstance(statement, (ast.Import, ast.ImportFrom))
+    named = [d.id for d in getattr(statement, "decorator_list", ()) if isinstance(d, ast.Name)]
+    return bool(set(named) & set(decorators))
+
+
+def reuse_machine_code(root: Path, digest: str) -> None:
+    """Let changed sources of the model use the machine code of those without the change."""
+    model = root / PACKAGE / "model"
+    folder = model / "__pycache__" / "machine_code"
+    link = folder / source_digest(model)
+    if (folder / digest).is_dir() and not link.exists():
+        link.symlink_to(folder / digest)
+
+
 def passes(root: Path, tests: list[str], timeout: float | None = None) -> bool:
     """Whether the tests pass in a copy; one that hangs does not."""
     command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *tests]
@@ -159,9 +221,11 @@ def passes(root: Path, tests: list[str], timeout: float | None = None) -> bool:
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})
 @click.option("--count", default=60, show_default=True, type=click.IntRange(1))
 @click.option("--seed", default=1, show_default=True)
+@click.option("--compile", "compiles", is_flag=True,
+              help="Also modules that machine code is built from.")  # fmt: skip
 @click.option("--only", multiple=True, metavar="PREFIX",
               help=f"Modules whose path in {PACKAGE}/ begins so, repeatable.")  # fmt: skip
-def main(count: int, seed: int, only: tuple[str, ...]) -> None:
+def main(count: int, seed: int, compiles: bool, only: tuple[str, ...]) -> None:
     """Mutate, test and count. Exit code 1: a mutant survived."""
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder)
@@ -171,22 +235,28 @@ def main(count: int, seed: int, only: tuple[str, ...]) -> None:
         modules = [path.relative_to(root) for path in sorted((root / PACKAGE).rglob("*.py"))]
         wanted = tuple(f"{PACKAGE}/{prefix}" for prefix in only or TESTS)
         modules = [m for m in modules if m.as_posix().startswith(wanted) and tests_of(root, m)]
+        skipped = set() if compiles else with_machine_code(root)
+        modules = [module for module in modules if module not in skipped]
+        digest = source_digest(root / PACKAGE / "model")
         pool = [mutant for module in modules for mutant in mutants_of(root, module)]
         chosen = random.Random(seed).sample(pool, min(count, len(pool)))
         click.echo(f"seed {seed}: {len(chosen)} of {len(pool)} mutants of {len(modules)} modules")
-        usual: dict[tuple[str, ...], float] = {}
+        usual: dict[frozenset[str], float] = {}
         survivors = []
         for number, mutant in enumerate(chosen, 1):
             tests = tests_of(root, mutant.module)
-            if tuple(tests) not in usual:
+            group = frozenset(tests)  # each module has an order of its own
+            if group not in usual:
                 began = time.monotonic()
                 if not passes(root, tests):
                     raise SystemExit(f"the tests fail without any change: {' '.join(tests)}")
-                usual[tuple(tests)] = time.monotonic() - began
+                usual[group] = time.monotonic() - began
             original = (root / mutant.module).read_text(encoding="utf-8")
             text, words = changed(root, mutant)
             (root / mutant.module).write_text(text, encoding="utf-8")
-            if passes(root, tests, PATIENCE * usual[tuple(tests)] + 30.0):
+            if not compiles:
+                reuse_machine_code(root, digest)
+            if passes(root, tests, PATIENCE * usual[group] + 30.0):
                 survivors.append(mutant)
                 click.echo(f"survived {number}: {words}")
             (root / mutant.module).write_text(original, encoding="utf-8")

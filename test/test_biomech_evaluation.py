@@ -196,6 +196,15 @@ def test_a_record_shorter_than_3_ms_has_no_clip() -> None:
     assert any("shorter than 3 ms" in line for line in result.warnings)
 
 
+@pytest.mark.parametrize("step", [1e-4, 5e-5, 1e-3 / 15])
+def test_a_record_of_just_3_ms_has_a_clip(step: float) -> None:
+    whole = drop_record(length=0.01, step=step, duration=0.003)
+    lowest = np.linalg.norm(whole.head_acceleration, axis=1).min() / G
+    assert evaluate(whole).clip_3ms.value == pytest.approx(lowest, abs=1e-9)
+    shorter = drop_record(length=0.01, step=step, duration=0.003 - step)
+    assert "clip_3ms" not in evaluate(shorter).criteria
+
+
 def test_rotation_is_judged_in_head_axes() -> None:
     """The same motion of the head, whatever way it faces in the world."""
     time = drop_record().time

@@ -100,6 +100,7 @@ def test_the_lognormal_risk_is_the_normal_distribution_of_ln_hic(
         expected = norm.cdf((np.log(hic15) - mean) / deviation)
         assert risk_lognormal(hic15, ais) == pytest.approx(expected, rel=1e-9)
     assert risk_lognormal(np.exp(mean), ais) == pytest.approx(0.5)
+    assert risk_lognormal(0.0, ais) == 0.0 < risk_lognormal(0.9, ais) < 1e-15
 
 
 @pytest.mark.parametrize("risk", [risk_prasad_mertz, risk_lognormal, risk_bric])

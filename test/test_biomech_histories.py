@@ -46,6 +46,11 @@ class TestTheRating:
             assert found.magnitude == pytest.approx(1.0) and found.slope == pytest.approx(1.0)
             assert best_shift(pulse(0.004), pulse(0.004 + late)) == round(late / 1e-4)
 
+    def test_takes_the_smallest_of_shifts_that_fit_equally_well(self) -> None:
+        wave = np.tile([0.0, 1.0, 0.0, -1.0, 2.0], 60)  # fits itself at every fifth sample
+        assert best_shift(wave, wave) == 0
+        assert best_shift(wave, np.roll(wave, 2)) == 2
+
     def test_of_a_scaled_curve_loses_slope_by_the_difference(self) -> None:
         for factor in (0.7, 1.1, 1.4):
             found = rating(pulse(), factor * pulse())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import time
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
@@ -21,8 +22,11 @@ from bench.campaign.hostile_names import HostileNames
 from bench.campaign.mutated_tables import MutatedTables
 from bench.campaign.mutated_yaml import MutatedYaml
 from bench.campaign.parameter_sets import ParameterSets
+from bench.campaign.running import clock_jumps
+from bench.campaign.running.clock_jumps import ClockJumps
 from bench.campaign.running.concurrent_clients import ConcurrentClients
 from bench.campaign.running.on_nodes import Loss, compare_all, logged
+from bench.mutants import ROOT, with_machine_code
 from helmet_sim_ros import ImpactSetup
 
 #: The same for everybody; ``python -m bench.campaign --seed`` tries others.
@@ -135,3 +139,25 @@ def test_an_attack_that_cannot_be_tried_is_skipped_and_says_why(tmp_path: Path) 
     tally = run(NotHere(), 1, range(3), tmp_path / "attack")
     assert tally.words == "skipped: mount: permission denied"
     assert not tally.counts and not tally.bad
+
+
+def test_clocks_that_cannot_jump_are_skipped_and_ones_that_did_not_are_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    attack, now = ClockJumps(), datetime.now(UTC)
+    attack.logs = tmp_path
+    (tmp_path / f"impacts_{now:%Y%m%dT%H%M%SZ}.mcap").touch()
+    attack._check_name(now)
+    with pytest.raises(Loss, match="the clock of the recorder"):
+        attack._check_name(now + timedelta(days=1))
+    monkeypatch.setattr(clock_jumps, "PLACES", ())
+    tally = run(ClockJumps(), 1, range(3), tmp_path / "attack")
+    assert "libfaketime" in tally.skipped and not tally.counts
+
+
+def test_mutants_know_what_machine_code_is_built_from() -> None:
+    """Functions, and the modules of constants and types that those name; no configuration."""
+    model = Path("helmet_sim_ros", "model")
+    built = with_machine_code(ROOT)
+    assert {model / "loop.py", model / "layout.py", model / "force" / "contact.py"} <= built
+    assert not {model / "setup.py", model / "forms.py", model / "urdf.py"} & built

@@ -1,5 +1,8 @@
 """Meshes that are no helmet's: each is refused, or mended and told of; nothing is half-written."""
 
+import hashlib
+import io
+import re
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +14,9 @@ from helmet_meshes import INNER, OUTER, ellipsoid, opened, written
 from helmet_sim_ros.cli import main
 from helmet_sim_ros.errors import SetupError
 from helmet_sim_ros.model.force.columns import columns
-from helmet_sim_ros.model.geometry import read_geometry
+from helmet_sim_ros.model.geometry import admit, read_geometry
 from helmet_sim_ros.model.helmet import load_helmet
+from helmet_sim_ros.study.helmets.crossings import DEPTH, crossings
 from helmet_sim_ros.study.helmets.importing import ImportPlan, import_helmet
 
 
@@ -53,6 +57,19 @@ def test_units_are_told_by_the_size(unit: str, scale: float, tmp_path: Path) -> 
     assert np.asarray(result.geometry.semi_axes) == pytest.approx(OUTER, rel=0.01)
 
 
+def test_a_solid_shell_tells_its_thickness(tmp_path: Path) -> None:
+    """The wall is not flat ground's matter, but bends on kerb and hemisphere."""
+    outer, inner = ellipsoid(OUTER, 4), ellipsoid((0.146, 0.126, 0.136), 4)
+    inner.invert()
+    shell = written(trimesh.util.concatenate([outer, inner]), tmp_path / "shell.stl")
+    solid = import_helmet(shell, None, ImportPlan(thickness=0.036))
+    sheet = import_helmet(written(outer, tmp_path / "sheet.stl"), None, ImportPlan(thickness=0.04))
+    assert any("shell 4.0 mm thick" in note for note in solid.notes)
+    assert solid.values["shell"]["material"]["thickness"] == pytest.approx(0.004, abs=1e-4)  # type: ignore[index]
+    base = load_helmet("fullface").shell.material
+    assert sheet.values["shell"]["material"] == base.model_dump()  # type: ignore[index]
+
+
 def test_inches_given_as_millimetres_are_refused(tmp_path: Path) -> None:
     shell = written(ellipsoid(OUTER, 4), tmp_path / "shell.stl", 0.0254)
     message = refused(tmp_path, shell, "--units", "mm")
@@ -73,7 +90,52 @@ def test_an_open_mesh_is_told_of(tmp_path: Path) -> None:
     mesh = opened(ellipsoid(OUTER, 5))
     result = import_helmet(written(mesh, tmp_path / "a.stl"), None, ImportPlan(thickness=0.04))
     assert any("not closed" in note and "edges have one triangle" in note for note in result.notes)
-    assert any("not checked whether it intersects itself" in note for note in result.notes)
+
+
+def test_a_mesh_that_intersects_itself_is_refused_with_triangles_and_place(tmp_path: Path) -> None:
+    knob = ellipsoid((0.02, 0.02, 0.02), 3)
+    knob.apply_translation([0.15, 0.0, 0.0])
+    shell = written(trimesh.util.concatenate([ellipsoid(OUTER, 4), knob]), tmp_path / "shell.stl")
+    message = refused(tmp_path, shell, "--thickness", "40 mm")
+    told = re.search(
+        r"shell\.stl.*: intersects itself: triangle (\d+) goes through (\d+) of 6400 at "
+        r"\((.*)\) mm, and (\d+) more",
+        message,
+    )
+    assert told, message
+    first, second = (int(number) - 1 for number in told.group(1, 2))
+    read = trimesh.load_mesh(shell, process=False)
+    place = np.array([float(c) for c in told[3].split(",")])
+    for face in (first, second):
+        corners = read.triangles[face]
+        assert np.abs(trimesh.triangles.closest_point([corners], [place])[0] - place).max() < 0.1
+    allowed = import_helmet(shell, None, ImportPlan(thickness=0.04, intersecting=True))
+    assert any("shell.stl: intersects itself" in note for note in allowed.notes)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_every_edge_that_pierces_a_triangle_is_found(seed: int) -> None:
+    """Against the plain test of every edge with every triangle, on a crumpled ellipsoid."""
+    rng = np.random.default_rng(seed)
+    mesh = ellipsoid(OUTER, 3)
+    mesh.vertices += rng.normal(0.0, 0.01, mesh.vertices.shape)
+    corner, normal = mesh.triangles[:, 0], mesh.face_normals
+    pierced = set()
+    for edge in mesh.edges_unique:
+        a, b = mesh.vertices[edge]
+        before, after = (((p - corner) * normal).sum(axis=1) for p in (a, b))
+        through = (before * after < 0.0) & (np.minimum(abs(before), abs(after)) > DEPTH)
+        through &= ~np.isin(mesh.faces, edge).any(axis=1)
+        for face in np.flatnonzero(through):
+            place = a + before[face] / (before[face] - after[face]) * (b - a)
+            inside = trimesh.triangles.points_to_barycentric(mesh.triangles[[face]], [place])
+            if inside.min() > 0.0:
+                pierced.add((face, *np.round(place, 9)))
+    found = crossings(mesh)
+    assert len(pierced) > 50
+    assert {(face, *np.round(p, 9)) for face, p in zip(found.other, found.place, strict=True)} == (
+        pierced
+    )
 
 
 def test_a_truncated_file_is_refused(shell: Path, tmp_path: Path) -> None:
@@ -151,6 +213,17 @@ def test_an_edited_array_file_is_refused(shell: Path, tmp_path: Path) -> None:
     assert len(read_geometry(str(array)).area) == 1000
     with pytest.raises(SetupError, match=r"liner\.columns"):
         load_helmet(str(tmp_path / "mine" / "helmet.yaml")).replaced({"liner.columns": 500})
+
+
+def test_an_array_file_that_swells_is_refused() -> None:
+    """A log of others brings its helmet's array file: it takes no more memory than a helmet's."""
+    swollen = io.BytesIO()
+    np.savez_compressed(swollen, point=np.zeros((10**7, 3)))
+    content = swollen.getvalue()
+    assert len(content) < 1e6
+    name = f"geometry-{hashlib.sha256(content).hexdigest()[:16]}.npz"
+    with pytest.raises(SetupError, match=r"unpacks to 240\d+ bytes"):
+        admit(name, content)
 
 
 def test_painted_triangles_and_planes_make_zones(tmp_path: Path) -> None:

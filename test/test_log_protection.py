@@ -18,6 +18,7 @@ pytest.importorskip("rclpy", reason="logs for tests are written by the recorder'
 
 from logs import FIRST_START, SPACING, add_impact, session, simulated
 from mcap.exceptions import McapError
+from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from mcap.records import Attachment, Channel, Header, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
@@ -27,7 +28,7 @@ from helmet_sim_ros import ImpactSetup, evaluate, open_log
 from helmet_sim_ros.biomech.record import same_samples
 from helmet_sim_ros.errors import LogError
 from helmet_sim_ros.mcap_log.layout import FORMAT_KEY, TYPE_HASHES
-from helmet_sim_ros.mcap_log.records import read_chunk
+from helmet_sim_ros.mcap_log.records import read_chunk, read_record
 from helmet_sim_ros.mcap_log.recover import recover
 from helmet_sim_ros.mcap_log.schemas import type_hash
 from helmet_sim_ros.mcap_log.seal import SEAL, sealed, unsealed
@@ -414,3 +415,15 @@ def test_recovery_reads_what_a_damaged_message_index_would_reach_over(written, t
     log = open_log(result.path)
     assert [impact.logged for impact in log] == [evaluate(record) for record in records]
     assert any(f"at offset {index} are damaged" in text for text in result.lost)
+
+
+def test_a_record_is_read_only_where_it_is_what_the_index_says() -> None:
+    record = bytes([Opcode.CHUNK]) + (3).to_bytes(8, "little") + b"abc"
+    stream = BytesIO(b"before" + record)
+    assert read_record(stream, 6, Opcode.CHUNK) == b"abc"
+    assert read_record(stream, 6, Opcode.CHUNK, length=len(record)) == b"abc"
+    for opcode, length in ((Opcode.METADATA, None), (Opcode.CHUNK, len(record) - 1)):
+        with pytest.raises(McapError, match=r"no (metadata|chunk) at offset 6"):
+            read_record(stream, 6, opcode, length)
+    with pytest.raises(McapError, match="cut off"):
+        read_record(BytesIO(record[:-1]), 0, Opcode.CHUNK)

@@ -52,36 +52,97 @@ PACKAGE = {
 }
 
 
-def test_an_edited_constant_reaches_every_function_that_was_compiled_with_it(
-    tmp_path: Path,
-) -> None:
-    """A constant in one module, used in a second, called from a third whose file is unchanged."""
+@pytest.fixture
+def small(tmp_path: Path) -> Path:
+    """A package of two compiled functions and a constant, with the model's way of compiling."""
     package = tmp_path / "small"
     package.mkdir()
     (package / "__init__.py").touch()
     shutil.copy(SOURCES / "compiled.py", package)
     for file, text in PACKAGE.items():
         (package / file).write_text(text.replace("{name}", "small"))
-    environment = os.environ | {"PYTHONPATH": str(tmp_path), "PYTHONDONTWRITEBYTECODE": "1"}
+    return package
+
+
+def started(package: Path, code: str) -> subprocess.Popen[str]:
+    """A process that runs some code with the package."""
+    environment = os.environ | {
+        "PYTHONPATH": str(package.parent), "PYTHONDONTWRITEBYTECODE": "1"
+    }  # fmt: skip
     environment.pop("NUMBA_CACHE_DIR", None)
+    command = [sys.executable, "-c", code]
+    pipe = subprocess.PIPE
+    return subprocess.Popen(command, env=environment, stdin=pipe, stdout=pipe, text=True,
+                            cwd=package.parent)  # fmt: skip
+
+
+def test_an_edited_constant_reaches_every_function_that_was_compiled_with_it(small: Path) -> None:
+    """A constant in one module, used in a second, called from a third whose file is unchanged."""
     code = (
         "from small.outer import outer\nprint(outer(2.0), sum(outer.stats.cache_hits.values()))\n"
     )
 
     def run() -> tuple[float, int]:
         """The result, and how much of it came from the disk."""
-        command = [sys.executable, "-c", code]
-        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
-        value, hits = done.stdout.split()
+        value, hits = started(small, code).communicate()[0].split()
         return float(value), int(hits)
 
     assert run() == (7.0, 0)
     assert run() == (7.0, 1)
-    (package / "constant.py").write_text("VALUE = 5.0\n")
+    (small / "constant.py").write_text("VALUE = 5.0\n")
     assert run() == (11.0, 0)
-    (package / "constant.py").write_text("VALUE = 3.0\n")  # as it was: still there
+    (small / "constant.py").write_text("VALUE = 3.0\n")  # as it was: still there
     assert run()[0] == 7.0
-    assert len(list((package / "__pycache__" / "machine_code").iterdir())) == 2
+    assert len(list((small / "__pycache__" / "machine_code").iterdir())) == 2
+
+
+#: Calls a function with what it is told to, as soon as it is told to.
+CALLER = """
+from small.inner import inner
+print("ready", flush=True)
+value = eval(input())
+print(inner(value), sum(inner.stats.cache_misses.values()))
+"""
+#: Two processes that have read the index of a function's machine code meet before they write it:
+#: unless one waits for the other, both have read the same.
+MEETING = """
+import os, time
+from pathlib import Path
+from numba.core.caching import IndexDataCacheFile as Files
+save = Files._save_index
+def meet(files, index):
+    Path(f"there_{os.getpid()}").touch()
+    deadline = time.monotonic() + 4.0
+    while time.monotonic() < deadline and len(list(Path().glob("there_*"))) < 2:
+        time.sleep(0.02)
+    save(files, index)
+Files._save_index = meet
+"""
+
+
+def called(package: Path, *values: str, first: str = "") -> list[tuple[str, int]]:
+    """Results of processes that call ``inner`` at the same time, and what each compiled itself."""
+    processes = [started(package, first + CALLER) for _ in values]
+    for process in processes:
+        assert process.stdout is not None and process.stdout.readline() == "ready\n"
+    for process, value in zip(processes, values, strict=True):
+        assert process.stdin is not None
+        process.stdin.write(f"{value}\n")
+        process.stdin.flush()
+    said = [process.communicate()[0].split() for process in processes]
+    return [(result, int(misses)) for result, misses in said]
+
+
+def test_processes_side_by_side_compile_a_function_once(small: Path) -> None:
+    results = called(small, "2.0", "2.0", "2.0")
+    assert [result for result, _ in results] == ["6.0"] * 3
+    assert sum(misses for _, misses in results) == 1
+
+
+def test_signatures_that_are_compiled_side_by_side_do_not_replace_each_other(small: Path) -> None:
+    both = called(small, "2.0", "2j", first=MEETING)
+    assert both == [("6.0", 1), ("6j", 1)]
+    assert called(small, "2.0", "2j") == [("6.0", 0), ("6j", 0)]
 
 
 def test_the_second_process_finds_the_machine_code_of_the_first() -> None:

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from helmet_sim_ros import ImpactSetup, evaluate, simulate
+from helmet_sim_ros.errors import SetupError
 from helmet_sim_ros.model.helmet import Spring, SpringLaw, load_helmet
 from helmet_sim_ros.model.identified import SIDES, exponential, exponential_through, identified
+from helmet_sim_ros.model.setup import setup_from_names
 
 HELMETS = ("fullface", "bicycle")
 
@@ -35,6 +37,29 @@ def test_a_known_law_is_found_again() -> None:
     stiffness, exponent, _ = exponential_through(compression, force)
     assert (stiffness / exponent, exponent) == pytest.approx((3e4, 14.0), rel=1e-5)
     assert exponential(compression, stiffness, exponent) == pytest.approx(force, rel=1e-5)
+
+
+def test_a_liner_as_stiff_as_is_allowed_has_a_spring() -> None:
+    """Its law is nearly straight: it was refused, for an A above 1e9 N that nobody had given."""
+    setup = ImpactSetup(overrides={"helmet.liner.front.density": 120.0})
+    law = setup.helmet_config.spring.front
+    assert law.B < 1.0 and 1e6 < law.A * law.B < 1e8
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"shell.contact_stiffness": 1.1e4},  # bends further than the liner crushes
+        {"liner.inner.share": 0.91, "shell.contact_stiffness": 3.6e5},
+    ],
+)
+def test_a_liner_that_no_spring_follows_is_told_by_what_was_changed(
+    changes: dict[str, float],
+) -> None:
+    given = {f"helmet.{name}": value for name, value in changes.items()}
+    with pytest.raises(SetupError, match="no spring follows this liner") as caught:
+        setup_from_names(given)
+    assert {problem.key: problem.value for problem in caught.value.problems} == given
 
 
 @pytest.mark.parametrize("speed", [5.0, 7.5])

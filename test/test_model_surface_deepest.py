@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numba import njit
 from numba.core.runtime import _nrt_python, rtsys
@@ -140,6 +140,8 @@ def test_no_search_finds_a_deeper_point(kind: str, sizes: dict, depth: float) ->
 
 @pytest.mark.parametrize("kind", [*SIZES, *(f"sharp_{kind}" for kind in SHARP)])
 @settings(max_examples=150, deadline=None)
+@example((0.03125,) * 3, 378, (0.03125,) * 3, (0.0, 0.0, 0.0))  # no pull: was divided by
+@example((0.03, 0.03, 0.03125), 39, (0.03,) * 3, (0.0, 0.0, 0.0))
 @given(
     center=st.tuples(*[st.floats(-0.2, 0.2)] * 3),
     turn=st.integers(0, 1000),

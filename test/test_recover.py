@@ -21,6 +21,7 @@ from helmet_sim_ros import ImpactSetup, evaluate, open_log
 from helmet_sim_ros.biomech.record import same_samples
 from helmet_sim_ros.cli import main
 from helmet_sim_ros.errors import LogError
+from helmet_sim_ros.mcap_log.layout import RUN
 from helmet_sim_ros.mcap_log.recover import recover, recovered_path
 
 #: The whole proof is 100 kills: HELMET_SIM_KILLS=100 python -m pytest test/test_recover.py
@@ -158,3 +159,17 @@ def test_what_cannot_be_recovered_is_told_and_nothing_is_replaced(tmp_path):
     assert "1 complete impact" in answer.output and "lost: the index" in answer.output
     assert len(open_log(tmp_path / "c.mcap")) == 1
     assert not list(Path(tmp_path).glob("*.recovering"))
+
+
+def test_metadata_that_are_gone_are_told_by_their_name(tmp_path):
+    path = tmp_path / "log.mcap"
+    write_log(path, SETUPS[:1])
+    with path.open("rb") as stream:
+        (index,) = (i for i in make_reader(stream).get_summary().metadata_indexes if i.name == RUN)
+    damaged = bytearray(path.read_bytes())
+    damaged[index.offset + index.length // 2] ^= 0xFF
+    path.with_name("log.mcap.part").write_bytes(damaged)
+    path.unlink()
+    lost = recover(path.with_name("log.mcap.part")).lost
+    assert f"metadata {RUN}" in lost
+    assert not [text for text in lost if text.startswith("impact")]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from helmet_sim_ros import ImpactSetup, evaluate, open_log
 from helmet_sim_ros.biomech.record import same_samples
 from helmet_sim_ros.errors import LogError
 from helmet_sim_ros.mcap_log.blocks import Assembled
+from helmet_sim_ros.mcap_log.criteria import digest_of
 from helmet_sim_ros.mcap_log.layout import FORMAT_VERSION
 from helmet_sim_ros.mcap_log.seal import sealed
 from helmet_sim_ros.nodes import samples
@@ -298,3 +300,15 @@ def test_blocks_that_contradict_themselves_are_told(tmp_path, path):
     _rewrite(path, tmp_path / "a.mcap", change)
     with pytest.raises(LogError, match="not a block of samples"):
         open_log(tmp_path / "a.mcap")
+
+
+def test_criteria_tell_the_digest_of_the_setup_that_was_judged():
+    def pair(key, value):
+        return SimpleNamespace(key=key, value=value)
+
+    def array(*pairs):
+        return SimpleNamespace(status=[SimpleNamespace(values=list(pairs))])
+
+    assert digest_of(array(pair("value", "68.0"), pair("setup_digest", "0a1b"))) == "0a1b"
+    assert digest_of(array(pair("value", "68.0"))) == ""
+    assert digest_of(SimpleNamespace(status=[])) == ""

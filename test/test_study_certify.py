@@ -12,12 +12,19 @@ import pytest
 import yaml
 from click.testing import CliRunner
 
-from helmet_sim_ros import ImpactSetup, certify, simulate
+from helmet_sim_ros import ImpactSetup, certify, evaluate, simulate
 from helmet_sim_ros.cli import main
 from helmet_sim_ros.errors import SetupError
+from helmet_sim_ros.model.force.columns import columns, first_touch
+from helmet_sim_ros.model.helmet import load_helmet
 from helmet_sim_ros.resources import share_directory
 from helmet_sim_ros.study import load_protocol, load_scenario
-from helmet_sim_ros.study.certification.campaign import along_anvil, make_campaign
+from helmet_sim_ros.study.certification.campaign import (
+    along_anvil,
+    direction,
+    inner_circumference,
+    make_campaign,
+)
 from helmet_sim_ros.study.certification.certify import Certification
 
 PROTOCOLS = sorted(p.stem for p in (share_directory() / "config" / "protocols").glob("*.yaml"))
@@ -92,8 +99,15 @@ def test_fullface_passes_every_test_of_r22_06(r22: Certification) -> None:
     assert r22.worst_margin is not None and 0.0 < r22.worst_margin < 0.5
 
 
-def test_a_liner_of_half_the_thickness_fails(r22: Certification) -> None:
-    half = certify("fullface", "ece_r22_06", overrides={"helmet.liner.thickness": 0.022})
+def test_a_liner_of_half_the_thickness_fails(r22: Certification, tmp_path: Path) -> None:
+    whole = yaml.safe_load((share_directory() / "config/protocols/ece_r22_06.yaml").read_text())
+    fastest = [test for test in whole["tests"] if test["name"] == "linear high"]
+    path = tmp_path / "fastest.yaml"
+    path.write_text(yaml.safe_dump(whole | {"tests": fastest}))
+    half = certify("fullface", str(path), overrides={"helmet.liner.thickness": 0.022})
+    assert len(half.rows) == 10 and {row.hit.name for row in half.rows} <= {
+        row.hit.name for row in r22.rows
+    }
     assert half.verdict == "fail"
     assert any(row.anvil == "kerbstone" for row in half.failed)
 
@@ -229,3 +243,108 @@ def test_a_criterion_that_does_not_exist_is_refused_by_name(small: Path, tmp_pat
 def test_a_helmet_too_small_for_the_headform_is_refused(small: Path) -> None:
     with pytest.raises(SetupError, match=r"en960_o.*too small"):
         certify("bicycle", changed(small, "headform: en960_j", "headform: en960_o"))
+
+
+def test_a_helmet_is_made_anew_around_every_headform_of_a_protocol() -> None:
+    """The same liner, the same room for the head, a mass that grows with the size."""
+    protocol = load_protocol("ece_r22_05")
+    campaign = make_campaign("fullface", "ece_r22_05", protocol, None, ["all"])
+    assert len({hit.name for hit in campaign.hits}) == len(campaign.hits) == 5 * 10
+    room, mass = {}, {}
+    for hit in campaign.hits:
+        helmet, form = hit.setup.helmet_config, hit.setup.headform
+        assert form is not None and form.circumference is not None
+        room[hit.size] = inner_circumference(helmet) - form.circumference.value
+        mass[hit.size] = helmet.mass
+        assert helmet.liner.thickness == 0.044
+        assert hit.setup.head.form == hit.size
+    assert list(room) == list(protocol.sizes)
+    assert max(room.values()) - min(room.values()) < 4e-4  # an ellipse is no circle
+    assert list(mass.values()) == sorted(mass.values()) and mass["en960_j"] == 1.35
+    assert 0.05 < mass["en960_o"] - mass["en960_j"] < 0.3
+    alone = make_campaign("fullface", "ece_r22_05", protocol).hits
+    assert [hit.setup for hit in campaign.hits if hit.size == "en960_j"] == [h.setup for h in alone]
+    assert any("en960_a: the helmet, made for en960_j, was made anew" in n for n in campaign.notes)
+
+
+def test_a_campaign_over_sizes_judges_each(small: Path, tmp_path: Path) -> None:
+    one = certify("fullface", small, workers=1)
+    two = certify("fullface", small, headforms=["en960_a", "en960_j"], workers=1)
+    assert [(r.headform, r.hit_number) for r in two.rows] == [
+        ("en960_a", 1), ("en960_a", 2), ("en960_j", 1), ("en960_j", 2),
+    ]  # fmt: skip
+    peaks = [row.criteria["peak_g"].value for row in two.rows]
+    assert peaks[2:] == [row.criteria["peak_g"].value for row in one.rows]
+    assert peaks[0] > peaks[2] * 1.05  # a lighter head on the same foam is stopped faster
+    answer = CliRunner().invoke(
+        main, ["certify", "fullface", "--protocol", str(small), "--headform", "en960_a",
+               "--headform", "en960_j", "-o", str(tmp_path / "out")],
+    )  # fmt: skip
+    assert answer.exit_code in (0, 1), answer.output
+    table = list(csv.DictReader(io.StringIO((tmp_path / "out" / "certification.csv").read_text())))
+    assert [row["headform"] for row in table] == [row.headform for row in two.rows]
+    assert "en960_a drop crown" in (tmp_path / "out" / "certification.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("headform", "message"),
+    [
+        ("all", "names one headform, en960_j"),
+        ("en960_z", "must be one of"),
+        ("{round}", "no circumference"),
+    ],
+)
+def test_a_size_that_no_helmet_can_have_is_refused(
+    small: Path, headform: str, message: str
+) -> None:
+    data = yaml.safe_load((share_directory() / "config/headforms/en960_j.yaml").read_text())
+    del data["circumference"]
+    bare = small.with_name("bare.yaml")
+    bare.write_text(yaml.safe_dump(data))
+    with pytest.raises(SetupError, match=message):
+        certify("fullface", small, headforms=[headform.format(round=bare)])
+
+
+def test_the_chin_bar_is_struck_where_a_helmet_has_one() -> None:
+    protocol = load_protocol("ece_r22_05")
+    whole = make_campaign("fullface", "ece_r22_05", protocol)
+    assert {hit.point for hit in whole.hits} == {"B", "P", "R", "X-left", "X-right"}
+    assert "chin guard: S: not struck, fullface has no chin bar" in whole.notes
+    open_ = make_campaign("fullface_chin", "ece_r22_05", protocol)
+    struck = [hit for hit in open_.hits if hit.point == "S"]
+    assert [hit.anvil for hit in struck] == ["flat_anvil", "kerbstone"]
+    assert len(open_.hits) == 12 and not any("chin bar" in n and "no" in n for n in open_.notes)
+
+
+def test_a_protocol_for_the_chin_bar_alone_refuses_a_helmet_without_one(small: Path) -> None:
+    changed(small, "source: test}", "source: test, chin: true}")
+    with pytest.raises(SetupError, match=r"fullface.*has no chin bar"):
+        certify("fullface", small)
+
+
+def test_fullface_chin_has_port_rim_and_chin_bar() -> None:
+    cells = columns(load_helmet("fullface_chin"))
+    front = np.abs(np.degrees(np.arctan2(cells.point[:, 1], cells.point[:, 0]))) < 50.0
+    height = np.degrees(np.arcsin(cells.point[:, 2] / np.linalg.norm(cells.point, axis=1)))
+    assert not (front & (np.abs(height + 7.0) < 13.0)).any()  # the eye port
+    chin = front & (height < -24.0)
+    azimuth = np.degrees(np.arctan2(cells.point[:, 1], cells.point[:, 0]))
+    middle = chin & (np.abs(azimuth) < 25.0)
+    assert middle.sum() > 20 and 0.029 < cells.thickness[middle].min() < 0.032
+    assert cells.point[:, 2].min() > -0.121
+    touch = first_touch(load_helmet("fullface_chin"), direction(0.0, -25.0))
+    assert touch[0] > 0.12 and touch[2] < -0.06
+    crown = cells.point[:, 2] > 0.1
+    assert cells.thickness[crown] == pytest.approx(0.044, abs=1e-3)
+
+
+def test_only_blows_near_an_edge_differ_from_those_on_the_whole_ellipsoid() -> None:
+    def peak(helmet: str, elevation: float) -> float:
+        setup = ImpactSetup(
+            rig="headform", helmet=helmet, azimuth_deg=0.0, elevation_deg=elevation,
+            normal_velocity=5.5, duration=0.015, overrides={"helmet.coupling": "foam"},
+        )  # fmt: skip
+        return float(evaluate(simulate(setup)).peak_g.value)
+
+    assert peak("fullface_chin", 45.0) == pytest.approx(peak("fullface", 45.0), rel=0.03)
+    assert peak("fullface_chin", 20.0) < 0.85 * peak("fullface", 20.0)  # above the port

@@ -33,12 +33,13 @@ def synthetic(noise: float = 0.0, seed: int = 0) -> list[DropTest]:
     """Peaks that lie on known laws, the shell's bending and the padding's stroke added."""
     rng, tests = np.random.default_rng(seed), []
     for side, (scale, exponent) in LAWS.items():
-        for speed in SPEEDS:
-            depth = 0.0036 * speed
-            force = scale * math.expm1(exponent * depth) * (1.0 + noise * rng.standard_normal())
-            depth += force / base().shell.contact_stiffness
-            depth += float(padding_stroke(base(), side, np.array([force]))[0])
-            tests.append(DropTest(side, speed, force, depth))
+        depth = 0.0036 * np.array(SPEEDS)
+        force = scale * np.expm1(exponent * depth)
+        force *= 1.0 + noise * rng.standard_normal(len(SPEEDS))
+        depth += force / base().shell.contact_stiffness + padding_stroke(base(), side, force)
+        tests += [
+            DropTest(side, *map(float, peak)) for peak in zip(SPEEDS, force, depth, strict=True)
+        ]
     return tests
 
 

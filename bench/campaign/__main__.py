@@ -20,6 +20,7 @@ from bench.campaign.mutated_tables import MutatedTables
 from bench.campaign.mutated_yaml import MutatedYaml
 from bench.campaign.parameter_sets import ParameterSets
 from bench.campaign.running.bad_readers import BadReaders
+from bench.campaign.running.clock_jumps import ClockJumps
 from bench.campaign.running.concurrent_clients import ConcurrentClients
 from bench.campaign.running.forged_blocks import ForgedBlocks
 from bench.campaign.running.full_disk import FullDisk
@@ -33,7 +34,7 @@ from bench.campaign.running.sweeps import KilledSweeps, TwoSweeps
 ATTACKS: tuple[type[Attack], ...] = (
     DamagedLogs, InterruptedLogs, MutatedYaml, MutatedTables, ParameterSets, GarbageBlocks,
     HostileNames, SeparateProcesses, KilledNodes, KilledCommands, StoppedNodes, ConcurrentClients,
-    ForgedBlocks, BadReaders, FullDisk, LostFolders, KilledSweeps, TwoSweeps,
+    ForgedBlocks, BadReaders, FullDisk, LostFolders, ClockJumps, KilledSweeps, TwoSweeps,
 )  # fmt: skip
 #: Bad cases whose details are printed, per attack.
 MOST_DETAILS = 10

@@ -43,8 +43,8 @@ def shown(path: Path) -> tuple[ImpactLog, dict[str, str | LogError]]:
     put("ids", lambda: json.dumps([impact.impact_id for impact in log]))
     put("run", lambda: json.dumps(log.run, sort_keys=True))
     put("library", lambda: log.library)
-    for name in log._source.attachment_names:
-        put(f"attachment {name}", lambda name=name: log.attachment(name))  # type: ignore[misc]
+    for name in log.files:
+        put(f"attachment {name}", lambda name=name: log.file(name).hex())  # type: ignore[misc]
     for impact in log:
         for part, read in PARTS.items():
             put(f"{impact.impact_id} {part}", lambda read=read, i=impact: read(i))  # type: ignore[misc]

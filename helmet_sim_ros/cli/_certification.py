@@ -33,7 +33,8 @@ def report(result: Certification, console: Console) -> None:
     limited = {name for row in result.rows for name, c in row.criteria.items() if c.limit}
     shown = [entry for entry in SHOWN if entry[0] in limited or entry[0] in ALWAYS]
     again = any(row.hit_number > 1 for row in result.rows)
-    for header in ("point", "anvil"):
+    sized = any(row.hit.size for row in result.rows)
+    for header in ("headform", "point", "anvil") if sized else ("point", "anvil"):
         table.add_column(header, no_wrap=True)
     for header in ("m/s", "hit") if again else ("m/s",):
         table.add_column(header, justify="right", no_wrap=True)
@@ -54,7 +55,8 @@ def report(result: Certification, console: Console) -> None:
         ]
         margin = "" if row.margin is None else f"{row.margin:.1%}"
         table.add_row(
-            row.point, row.anvil, f"{row.speed:g}", *((str(row.hit_number),) if again else ()),
+            *((row.headform,) if sized else ()), row.point, row.anvil,
+            f"{row.speed:g}", *((str(row.hit_number),) if again else ()),
             *cells,
             "" if row.strain is None else f"{row.strain:.2f}", margin,
             Text(row.verdict, style=VERDICT_STYLE.get(row.verdict, "")),

@@ -18,6 +18,9 @@ from helmet_sim_ros.cli._progress import shown_progress
               help="Write certification.csv, .json and .html there.")  # fmt: skip
 @click.option("--scenario", metavar="FILE", type=click.Path(path_type=Path),
               help="Write the impacts as a scenario for helmet-sim run, and stop.")  # fmt: skip
+@click.option("--headform", "headforms", multiple=True, metavar="NAME|all",
+              help="Size to test, repeatable; 'all': every size of the protocol. The helmet is "
+              "made anew for each.  [default: the size of its file]")  # fmt: skip
 @click.option("--override", "overrides", multiple=True, metavar="KEY=VALUE",
               help="Replace a value in every impact, e.g. helmet.liner.density=60.")  # fmt: skip
 @click.option("--workers", type=click.IntRange(1), metavar="N",
@@ -27,6 +30,7 @@ def command(
     protocol: str,
     output: Path | None,
     scenario: Path | None,
+    headforms: tuple[str, ...],
     overrides: tuple[str, ...],
     workers: int | None,
 ) -> None:
@@ -45,7 +49,9 @@ def command(
     from helmet_sim_ros.study.scenario.overrides import parse_overrides
 
     console = Console(highlight=False)
-    campaign = make_campaign(helmet, protocol, load_protocol(protocol), parse_overrides(overrides))
+    campaign = make_campaign(
+        helmet, protocol, load_protocol(protocol), parse_overrides(overrides), headforms
+    )
     if scenario is not None:
         from helmet_sim_ros.report.certification.tables import to_scenario
 

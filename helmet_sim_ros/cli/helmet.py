@@ -55,6 +55,8 @@ def command() -> None:
     show_default=True,
     help="Helmet that gives what meshes do not tell: foam, padding, strap, spring.",
 )
+@click.option("--allow-intersections", is_flag=True,
+              help="Take meshes that intersect themselves, and tell where.")  # fmt: skip
 def import_(
     shell: Path,
     liner: Path | None,
@@ -72,6 +74,7 @@ def import_(
     areal_density: float,
     density: float | None,
     base: str,
+    allow_intersections: bool,
 ) -> None:
     """Make a helmet file of the mesh SHELL (STL, OBJ or PLY): outer surface or solid shell.
 
@@ -95,7 +98,7 @@ def import_(
         origin=None if origin is None else _point("origin", origin),
         thickness=None if thickness is None else _length("thickness", thickness),
         zones=zones, columns=columns, mass=mass, areal_density=areal_density, density=density,
-        base=base,
+        base=base, intersecting=allow_intersections,
     )  # fmt: skip
     imported = import_helmet(shell, liner, plan)
     path = write_helmet_folder(imported, output)

@@ -63,9 +63,11 @@ def command(
         except GraphicsError as error:
             raise SystemExit(complain(error)) from error
     from helmet_sim_ros.cli.export import plain
+    from helmet_sim_ros.report.replay.scene import admit_helmets
     from helmet_sim_ros.report.review.summary import label
 
     def show(log: ImpactLog) -> int:
+        admit_helmets(log)
         impacts = _chosen(log, only)
         if single and not live and len(logs) * len(impacts) != 1:
             raise click.UsageError(

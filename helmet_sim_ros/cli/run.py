@@ -6,7 +6,7 @@ import json
 import os
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +31,10 @@ from helmet_sim_ros.resources import is_path
 from helmet_sim_ros.study.scenario.matrix import Case, Scenario
 
 #: Values of a setup that name a file or something shipped.
-FILE_VALUES = ("helmet.name", "impact.surface", "head.surface", "head.form")
+FILE_VALUES = (
+    "helmet.name", "helmet.geometry", "helmet.liner.foam", "impact.surface", "head.surface",
+    "head.form",
+)  # fmt: skip
 #: How long the nodes may take until they answer [s]; a loaded machine needs a few, and the very
 #: first start compiles.
 START_TIMEOUT = 180.0
@@ -79,10 +82,7 @@ def command(
 
     prepare_environment(domain_id)
     # The nodes open no file because a client names it, except these.
-    told = [case.setup.described() for case in plan.cases]
-    chosen = {values[name] for values in told for name in FILE_VALUES if values[name] is not None}
-    files = filter(is_path, chosen)
-    named = sorted(str(Path(name).expanduser().resolve()) for name in files)
+    named = named_files(case.setup.described() for case in plan.cases)
     paths: dict[str, Any] = {"config_paths": named} if named else {}
     parameters: dict[str, dict[str, Any]] = {
         "simulation": paths,
@@ -104,6 +104,13 @@ def command(
         nodes.exit_code = 0 if result["complete"] else 1
     if not result["complete"]:
         raise SystemExit(1)
+
+
+def named_files(setups: Iterable[Mapping[str, Any]]) -> list[str]:
+    """The files that described setups name, those of their helmets too, as absolute paths."""
+    chosen = {values.get(name) for values in setups for name in FILE_VALUES}
+    files = (name for name in chosen if name is not None and is_path(name))
+    return sorted(str(Path(name).expanduser().resolve()) for name in files)
 
 
 def run_falls_of(plan: Scenario, output: Path, console: Console) -> None:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.model.helmet import Helmet
+from helmet_sim_ros.model.scene import shell_mesh
 
 #: A helmet below this mass [kg] is drawn without a chin bar (a choice for the picture alone).
 OPEN_FACE_MASS = 0.7
@@ -99,8 +100,13 @@ class HelmetMesh(NamedTuple):
 
 
 def helmet_mesh(helmet: Helmet) -> HelmetMesh:
-    """A helmet with the semi-axes of its shell; the openings are drawn, not simulated."""
+    """A helmet of its own geometry; or with the semi-axes of its shell, and openings that are drawn
+    and not simulated."""
     axes, center = np.array(helmet.shell.semi_axes), np.array(helmet.shell.center)
+    own = shell_mesh(helmet)
+    if own is not None:
+        nothing = Mesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64))
+        return HelmetMesh(Mesh(own.vertices + center, own.faces.astype(np.int64)), nothing)
     parts = _unit_helmet(helmet.mass < OPEN_FACE_MASS)
     return HelmetMesh(*(Mesh(part.vertices * axes + center, part.faces) for part in parts))
 

@@ -176,7 +176,9 @@ class Stage:
     def _show_helmet(self, scene: Scene) -> None:
         helmet = scene.setup.helmet_config
         shape = next((shape for shape in scene.shapes if shape.name == _HELMET), None)
-        look = (shape is None, helmet.shell.semi_axes, helmet.shell.center, helmet.mass)
+        look = (
+            shape is None, helmet.geometry, helmet.shell.semi_axes, helmet.shell.center, helmet.mass
+        )  # fmt: skip
         if look == self._helmet_look:
             return
         for node in [*self._crush, *self._helmet]:

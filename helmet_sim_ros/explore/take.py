@@ -15,6 +15,7 @@ from helmet_sim_ros.explore.presets import Collection
 from helmet_sim_ros.explore.session import Session, Side
 from helmet_sim_ros.explore.widgets import put
 from helmet_sim_ros.mcap_log import ImpactLog, open_log
+from helmet_sim_ros.report.replay.scene import admit_helmets
 from helmet_sim_ros.report.review.summary import labels
 
 #: How long the nodes may take for an impact [s].
@@ -110,6 +111,7 @@ class LogPanel:
             log = open_log(Path(path.strip()).expanduser())
             if not len(log):
                 raise HelmetSimError(f"{log.path}: no complete impact; {'; '.join(log.problems)}")
+            admit_helmets(log)
             names = labels([impact.setup for impact in log])
         except HelmetSimError as error:
             self._refuse(str(error))

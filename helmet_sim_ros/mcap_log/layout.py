@@ -18,6 +18,9 @@ NO_CRITERIA = "no_criteria/"
 #: Metadata record of a log that was recovered: what was lost.
 RECOVERED = "recovered"
 
+#: Media type of attachments that are no text.
+BINARY = "application/octet-stream"
+
 #: Topic (in any namespace) and type of the sample blocks.
 SAMPLES_TOPIC = "/impact/samples"
 SAMPLES_TYPE = "std_msgs/msg/Float64MultiArray"

@@ -13,7 +13,7 @@ from helmet_sim_ros.biomech.record import ImpactRecord
 from helmet_sim_ros.biomech.result import Evaluation
 from helmet_sim_ros.errors import LogError
 from helmet_sim_ros.mcap_log.index import Entry, ImpactIndex, clock_warnings, parsed_setup
-from helmet_sim_ros.mcap_log.layout import FORMAT_VERSION, IMPACT, RECOVERED, RUN
+from helmet_sim_ros.mcap_log.layout import BINARY, FORMAT_VERSION, IMPACT, RECOVERED, RUN
 from helmet_sim_ros.mcap_log.source import McapSource
 
 if TYPE_CHECKING:
@@ -183,14 +183,31 @@ class ImpactLog:
 
     @property
     def attachments(self) -> dict[str, str]:
-        """Name -> text of each attachment (``scenario.yaml``, models)."""
-        return {name: self.attachment(name) for name in self._source.attachment_names}
+        """Name -> text of each attachment that is text (``scenario.yaml``, models, foams)."""
+        return {
+            name: self.attachment(name)
+            for name, media_type in self._source.attachments.items()
+            if media_type != BINARY
+        }
 
     def attachment(self, name: str) -> str:
         """The text of one attachment.
 
         Raises:
-            LogError: there is none of this name.
+            LogError: there is none of this name, or it is damaged.
+        """
+        return self._source.attachment(name).decode("utf-8", "replace")
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """Names of all attachments, also of those that are no text (geometries of helmets)."""
+        return tuple(self._source.attachments)
+
+    def file(self, name: str) -> bytes:
+        """The content of one attachment, as the file had it.
+
+        Raises:
+            LogError: there is none of this name, or it is damaged.
         """
         return self._source.attachment(name)
 

@@ -34,7 +34,7 @@ from helmet_sim_ros.mcap_log.summary import DATA_END, checksum, read_index
 #: How a chunk, a metadata record and an attachment of a log begin: where to go on after damage.
 _LANDMARK = re.compile(
     rb"\x06.{7}\0.{28}\x04\0\0\0zstd|\x0c.{7}\0.\0\0\0(?:impact/|run)|"
-    rb"\x09.{7}\0.{16}.\0\0\0(?:model_|scenario)",
+    rb"\x09.{7}\0.{16}.\0\0\0(?:model_|scenario|geometry|foam_)",
     re.DOTALL,
 )
 #: What may stand in the data of a file; records of others (0x80 and more) are skipped.

@@ -66,7 +66,7 @@ class McapSource:
         channels: by id.
         schemas: by id.
         metadata_index: name and offset of each metadata record, in the order of the file.
-        attachment_names: in the order of the file.
+        attachments: media type of each, by name, in the order of the file.
     """
 
     def __init__(self, path: Path) -> None:
@@ -90,7 +90,7 @@ class McapSource:
             summary.metadata_indexes, key=lambda index: index.offset
         )
         self._attachments = sorted(summary.attachment_indexes, key=lambda index: index.offset)
-        self.attachment_names = [index.name for index in self._attachments]
+        self.attachments = {index.name: index.media_type for index in self._attachments}
         self._refuse_mixed_clocks(summary)
 
     def metadata(self, index: MetadataIndex) -> dict[str, str]:
@@ -106,8 +106,8 @@ class McapSource:
             # Before format 2 there was no seal: nothing covers these values.
             return unsealed(record.name, record.metadata) if self.format > 1 else record.metadata
 
-    def attachment(self, name: str) -> str:
-        """The text of an attachment.
+    def attachment(self, name: str) -> bytes:
+        """The content of an attachment.
 
         Raises:
             LogError: there is none of this name, or it is damaged.
@@ -117,12 +117,12 @@ class McapSource:
                 return self._attached(index)
         raise LogError(f"{self.path}: no attachment {name!r}")
 
-    def _attached(self, index: AttachmentIndex) -> str:
+    def _attached(self, index: AttachmentIndex) -> bytes:
         with self._stream() as stream:
             record = read_attachment(stream, index.offset, index.length, bare=self.format == 1)
             if (record.name, len(record.data)) != (index.name, index.data_size):
                 raise McapError(f"the attachment {index.name} is not what the index says")
-            return record.data.decode("utf-8", "replace")
+            return bytes(record.data)
 
     def messages(
         self, channels: Collection[int], begin: int = 0, end: int | None = None

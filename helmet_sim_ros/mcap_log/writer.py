@@ -97,11 +97,10 @@ class LogWriter:
         values = {**values, "library": self._library} if name == RUN else values
         self._guarded(self._writer.add_metadata, name, sealed(name, values))
 
-    def attach(self, name: str, media_type: str, text: str, time_ns: int) -> None:
-        """Append a text file as attachment, at a simulation time [ns]."""
-        self._guarded(
-            self._writer.add_attachment, time_ns, time_ns, name, media_type, text.encode()
-        )
+    def attach(self, name: str, media_type: str, content: str | bytes, time_ns: int) -> None:
+        """Append a file, text as UTF-8, as attachment, at a simulation time [ns]."""
+        data = content.encode() if isinstance(content, str) else content
+        self._guarded(self._writer.add_attachment, time_ns, time_ns, name, media_type, data)
 
     def flush(self) -> None:
         """Hand everything so far to the operating system: it survives the end of this process.

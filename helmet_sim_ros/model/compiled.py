@@ -4,10 +4,12 @@ Numba keys a cached function by the file that holds it, not by the files of the 
 an edited constant would leave its callers' old machine code in use. Here the cache folder carries
 a digest of every source of this package's model, so edited sources never meet old machine code.
 The place and the dates of the sources do not count: copies of one version share what they compile.
+Processes that need the same function at the same time compile it once: the others wait for it.
 """
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import os
 import shutil
@@ -15,10 +17,11 @@ import time
 from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal, TextIO, TypeVar
 
 import numba
 import numba.core.config
+from numba.core.caching import CompileResultCacheImpl, FunctionCache
 
 #: Numba's settings; its stubs do not know them.
 config: Any = numba.core.config
@@ -27,6 +30,7 @@ F = TypeVar("F", bound=Callable[..., object])
 
 SOURCES = Path(__file__).resolve().parent
 OLD = 86400.0  # s; younger caches of other sources may be in use by running processes
+PATIENCE = 600.0  # s; whoever has compiled for longer is stuck, and is no longer waited for
 
 
 def compiled(function: F) -> F:
@@ -50,21 +54,18 @@ def inlined(function: F) -> F:
 
 
 def _compiled(function: F, inline: Literal["never", "always"], references: bool = False) -> F:
-    before = config.CACHE_LOCATOR_CLASSES
-    config.CACHE_LOCATOR_CLASSES = f"{__name__}.{ByContent.__name__}"
-    try:
-        options: dict[str, Any] = {"inline": inline, "_nrt": references}  # its stubs lack _nrt
-        # numpy's division: by zero gives infinity, which the loops watch, and no branch.
-        decorate: Any = numba.njit(cache=True, nogil=True, error_model="numpy", **options)
-        return decorate(function)  # type: ignore[no-any-return]
-    finally:
-        config.CACHE_LOCATOR_CLASSES = before
+    options: dict[str, Any] = {"inline": inline, "_nrt": references}  # its stubs lack _nrt
+    # numpy's division: by zero gives infinity, which the loops watch, and no branch.
+    decorate: Any = numba.njit(nogil=True, error_model="numpy", **options)
+    dispatcher = decorate(function)
+    dispatcher._cache = Shared(function)  # what njit(cache=True) does, with numba's own cache
+    return dispatcher  # type: ignore[no-any-return]
 
 
 class ByContent:
     """Where numba keeps a function's machine code: a subfolder of :func:`cache_folder` per module.
 
-    The methods are those that numba asks a locator for (``NUMBA_CACHE_LOCATOR_CLASSES``).
+    The methods are those that numba asks a locator for.
     """
 
     def __init__(self, function: Callable[..., object], source: str) -> None:
@@ -98,6 +99,60 @@ class ByContent:
     def get_disambiguator(self) -> str:
         """Tells functions of one name apart."""
         return str(self._line)
+
+
+class _Located(CompileResultCacheImpl):
+    _locator_classes = [ByContent]  # noqa: RUF012 - as numba has it
+
+
+class Shared(FunctionCache):
+    """Numba's cache of a function, for processes side by side.
+
+    Numba alone lets each of them compile the same, and of two that save different signatures of one
+    function, one may later be given the other's machine code: both choose the same file name.
+    The locks are the operating system's: they end with the process that holds them.
+    """
+
+    _impl_class = _Located
+
+    def __init__(self, function: Callable[..., object]) -> None:
+        """Of a function."""
+        super().__init__(function)  # type: ignore[no-untyped-call]
+        self._compiling: dict[Any, TextIO] = {}
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """What is on disk. If there is nothing, this process compiles it, or waits until another
+        has done so."""
+        found = super().load_overload(sig, target_context)  # type: ignore[no-untyped-call]
+        if found is None and sig not in self._compiling:
+            self._compiling[sig] = self._locked(hashlib.sha256(str(sig).encode()).hexdigest()[:16])
+            found = super().load_overload(sig, target_context)  # type: ignore[no-untyped-call]
+            if found is not None:
+                self._compiling.pop(sig).close()
+        return found
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Write what was compiled, and let those who wait go on."""
+        with self._locked("index"):
+            super().save_overload(sig, data)  # type: ignore[no-untyped-call]
+        if sig in self._compiling:
+            self._compiling.pop(sig).close()
+
+    def _locked(self, what: str) -> TextIO:
+        """An open file whose lock this process has until it is closed."""
+        self._impl.locator.ensure_cache_path()
+        name = f"{self._impl.filename_base}.{what}.lock"
+        file = Path(self.cache_path, name).open("w")  # noqa: SIM115 - open: this is the lock
+        give_up = time.monotonic() + PATIENCE
+        while time.monotonic() < give_up:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except BlockingIOError:
+                time.sleep(0.02)
+            except OSError:  # a file system without locks
+                break
+        return file
 
 
 def source_digest(folder: Path = SOURCES) -> str:

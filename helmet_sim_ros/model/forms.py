@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from helmet_sim_ros.errors import Problem, SetupError
-from helmet_sim_ros.model.helmet import NO_HELMET, Helmet
+from helmet_sim_ros.model.helmet import NO_HELMET, Helmet, Spring
 from helmet_sim_ros.model.identified import identified
 from helmet_sim_ros.schema import leaf_values
 
@@ -49,11 +49,22 @@ def worn(helmet: Helmet, changes: Mapping[str, object]) -> Helmet:
             other, after, FOAM_ONLY,
             "the helmet's file gives its own spring; set helmet.coupling to foam, or leave it",
         )  # fmt: skip
-    elif spring and any(name.startswith(LINER) for name in other):
+    elif spring and (liner := [name for name in other if name.startswith(LINER)]):
         own = {name: changes[name] for name in other if name.startswith("spring.")}
-        fresh = identified(changed.model_copy(update={"spring": helmet.spring}))
+        fresh = _followed(changed.model_copy(update={"spring": helmet.spring}), liner)
         changed = changed.model_copy(update={"spring": fresh}).replaced(own)
     return changed
+
+
+def _followed(helmet: Helmet, changed: list[str]) -> Spring:
+    """The spring of a changed liner; one that has none is told by the values that were changed."""
+    values = leaf_values(helmet)
+    try:
+        return identified(helmet)
+    except SetupError as error:
+        (side,) = error.problems
+        why = f"no spring follows this liner: {side.key} {side.allowed}; set coupling to foam"
+        raise SetupError([Problem(name, values[name], why) for name in changed]) from None
 
 
 def _bare(

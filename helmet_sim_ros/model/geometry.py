@@ -12,7 +12,7 @@ import re
 from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
-from zipfile import BadZipFile
+from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ from helmet_sim_ros.resources import find_config
 DIGITS = 16  # of the digest in a file's name
 NAME = re.compile(rf"-([0-9a-f]{{{DIGITS}}})\.npz$")
 ZONES = ("front", "back", "side", "top")
-LARGEST = 50e6  # bytes; a file of 20 000 columns and a drawing has about 3e6
+LARGEST = 50e6  # bytes, packed and unpacked; a file of 20 000 columns and a drawing has about 3e6
 
 
 class Geometry(NamedTuple):
@@ -56,6 +56,9 @@ class Geometry(NamedTuple):
     faces: NDArray[np.int32]
 
 
+#: Geometries of :func:`admit`, by their digest.
+_admitted: dict[str, Geometry] = {}
+
 SHAPES = {
     "point": ("n", 3), "normal": ("n", 3), "area": ("n",), "thickness": ("n",),
     "weight": ("n", 4), "semi_axes": (3,), "center": (3,), "zone_thickness": (4,),
@@ -74,13 +77,18 @@ def write_geometry(geometry: Geometry, folder: Path, stem: str) -> Path:
 
 
 def read_geometry(path: str) -> Geometry:
-    """The geometry in a file.
+    """The geometry in a file, or of :func:`admit` where there is no such file.
 
     Raises:
         SetupError: no such file, a content that is not the one its name tells, or not a geometry;
             names the file.
     """
-    found = find_config("helmets", path, "geometry", ".npz")
+    try:
+        found = find_config("helmets", path, "geometry", ".npz")
+    except SetupError:
+        if not NAME.search(path) or geometry_digest(path) not in _admitted:
+            raise
+        return _admitted[geometry_digest(path)]
     try:
         status = found.stat()
     except OSError as error:
@@ -88,26 +96,54 @@ def read_geometry(path: str) -> Geometry:
     return _read(str(found), status.st_mtime_ns, status.st_size)
 
 
-@lru_cache(maxsize=16)
-def _read(path: str, _mtime_ns: int, size: int) -> Geometry:
+def geometry_digest(path: str) -> str:
+    """The digest in the name of a geometry's file, which tells its content."""
     named = NAME.search(path)
-    if not named:
+    if named is None:
         raise SetupError.of(
             "geometry", path, "must be a file that 'helmet-sim helmet import' wrote, "
             f"NAME-DIGEST.npz with {DIGITS} digits",
         )  # fmt: skip
+    return named[1]
+
+
+def admit(name: str, content: bytes) -> None:
+    """Let :func:`read_geometry` know a file that is not on this machine, but in a log.
+
+    Args:
+        name: of the file, without its folder.
+        content: its bytes.
+
+    Raises:
+        SetupError: as :func:`read_geometry`.
+    """
+    geometry = _parsed(name, content)
+    _admitted[_digest(content)] = geometry
+
+
+@lru_cache(maxsize=16)
+def _read(path: str, _mtime_ns: int, size: int) -> Geometry:
     if size > LARGEST:
         raise SetupError.of("geometry", path, f"has {size} bytes, at most {LARGEST:g} are read")
-    content = Path(path).read_bytes()
-    if _digest(content) != named[1]:
+    return _parsed(path, Path(path).read_bytes())
+
+
+def _parsed(path: str, content: bytes) -> Geometry:
+    if _digest(content) != geometry_digest(path):
         raise SetupError.of(
             "geometry", path, "its content is not what its name tells: truncated or edited; "
             "import the helmet again",
         )  # fmt: skip
     try:
+        with ZipFile(io.BytesIO(content)) as packed:
+            size = sum(member.file_size for member in packed.infolist())
+        if size > LARGEST:
+            raise SetupError.of("geometry", path, f"unpacks to {size} bytes, at most {LARGEST:g}")
         with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
             geometry = Geometry(**{name: arrays[name] for name in Geometry._fields})
-    except (KeyError, ValueError, OSError, BadZipFile) as error:
+    except SetupError:
+        raise
+    except (KeyError, ValueError, OSError, MemoryError, BadZipFile) as error:
         raise SetupError.of("geometry", path, f"is no helmet geometry: {error}") from error
     _check(geometry, path)
     for array in geometry:

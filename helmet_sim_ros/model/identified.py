@@ -14,6 +14,7 @@ from functools import lru_cache
 import numpy as np
 
 from helmet_sim_ros.biomech.record import FloatArray
+from helmet_sim_ros.errors import SetupError
 from helmet_sim_ros.model.force.columns import columns, liner_rows
 from helmet_sim_ros.model.force.foam import bottoming_strain
 from helmet_sim_ros.model.force.liner import press
@@ -30,6 +31,10 @@ FASTEST = 10.0  # m/s, of the paper's drop tests
 SPEEDS = (0.25, 0.5, 0.75, 1.0)  # of the fastest drop
 HEAD_MASS = 4.5  # kg, of the drops; the law hardly depends on it
 STEPS = 80  # of a press
+#: Bounds of a law's initial stiffness [N/m]: the most is that of a shell on the ground.
+STIFFNESS = (1.0, 1e8)
+#: Bounds of its exponent [1/m]: with the least, a crush of 40 mm is on a straight line to 0.2 %.
+EXPONENT = (0.1, 499.0)
 
 
 def exponential(d: FloatArray, stiffness: float, exponent: float) -> FloatArray:
@@ -47,26 +52,47 @@ def exponential_through(
 
     Returns:
         Initial stiffness A B [N/m], exponent B [1/m], and the covariance of the two, (2, 2).
+
+    Raises:
+        SetupError: no such law has these peaks.
     """
     from scipy.optimize import curve_fit  # half a second of imports that few processes need
 
     # Fitted in initial stiffness A B and B, which are far less correlated than A and B.
     start = (float(force[0] / compression[0]), 10.0)
-    (stiffness, exponent), covariance = curve_fit(
-        exponential, compression, force, p0=start, sigma=force, bounds=((1.0, 1e-3), (1e9, 499.0))
-    )
+    if not np.all(compression > 0.0) or not STIFFNESS[0] <= start[0] <= STIFFNESS[1]:
+        raise SetupError.of("compression", compression.tolist(), "no spring has these peaks")
+    try:
+        (stiffness, exponent), covariance = curve_fit(
+            exponential, compression, force, p0=start, sigma=force,
+            bounds=tuple(zip(STIFFNESS, EXPONENT, strict=True)),
+        )  # fmt: skip
+    except RuntimeError as error:  # no convergence
+        raise SetupError.of("compression", compression.tolist(), str(error)) from None
     return float(stiffness), float(exponent), covariance
 
 
 @lru_cache(maxsize=64)
 def identified(helmet: Helmet) -> Spring:
-    """The spring of a helmet's liner. Costs some milliseconds, once per helmet and process."""
+    """The spring of a helmet's liner. Costs some milliseconds, once per helmet and process.
+
+    Raises:
+        SetupError: a side of the liner crushes less than the shell bends on the ground, or not as
+            any spring does; the key is the side's.
+    """
     laws: dict[str, SpringLaw] = {}
     losses = []
     for side, axis in SIDES.items():
         compression, force, loss = _peaks(helmet, side, np.array(axis))
         compression = compression - force / helmet.shell.contact_stiffness
-        stiffness, exponent, _ = exponential_through(compression, force)
+        try:
+            stiffness, exponent, _ = exponential_through(compression, force)
+        except SetupError:
+            raise SetupError.of(
+                side, compression.tolist(),
+                "at the peaks of its drops [m], the crush beyond the shell's own bending is that "
+                "of no spring",
+            ) from None  # fmt: skip
         laws[side] = SpringLaw(A=stiffness / exponent, B=exponent)
         losses.append(loss)
     # What pulls the shell off the liner no drop test shows: taken as the top.

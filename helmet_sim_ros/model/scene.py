@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from helmet_sim_ros.biomech.record import FloatArray, ImpactRecord
+from helmet_sim_ros.model.force.columns import as_now
+from helmet_sim_ros.model.geometry import read_geometry
+from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.placement import place_head
 from helmet_sim_ros.model.rider.neck import named_today
 from helmet_sim_ros.model.setup import ImpactSetup
@@ -38,19 +43,53 @@ class SceneShape:
     color: tuple[float, float, float, float]
 
 
+class ShellMesh(NamedTuple):
+    """The outer surface of a helmet that was measured or drawn, in the frame of its shape.
+
+    Attributes:
+        vertices: (v, 3) [m].
+        faces: triangles, outward by the right hand, (f, 3).
+    """
+
+    vertices: FloatArray
+    faces: NDArray[np.int32]
+
+
+def shell_mesh(helmet: Helmet) -> ShellMesh | None:
+    """The drawing of a helmet's ``geometry``; None: its shell is the ellipsoid."""
+    if helmet.geometry is None or helmet.coupling == "none":
+        return None
+    geometry = read_geometry(helmet.geometry)
+    vertices = as_now(helmet, geometry, geometry.vertices) - np.array(helmet.shell.center)
+    return ShellMesh(vertices, geometry.faces)
+
+
 class Scene:
     """The shapes of one setup, posed from a record (live, or read from a log).
 
     Attributes:
         setup: the impact setup.
         shapes: what to draw of rider and helmet; the surface is ``setup.surface_config``.
-        model, data: MuJoCo's, posed by :meth:`pose`; for renderers.
+        mesh: stands for the ellipsoid ``helmet`` of ``shapes`` where it can be drawn; None: the
+            helmet is that ellipsoid.
+        model, data: MuJoCo's, posed by :meth:`pose`; for renderers. The model holds ``mesh`` as
+            asset 0.
     """
 
     def __init__(self, setup: ImpactSetup) -> None:
         self.setup = setup
         world = build(setup, setup.helmet_config)
         self.model, self.data = world.parts.model, world.data
+        self.mesh = shell_mesh(setup.helmet_config)
+        if self.mesh is not None:
+            spec = world.parts.spec.copy()
+            spec.add_mesh(
+                name="shell", uservert=self.mesh.vertices.ravel(),
+                userface=self.mesh.faces.ravel(),
+                inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
+            )  # fmt: skip
+            self.model = spec.compile()
+            self.data = mujoco.MjData(self.model)
         self._layout = world.parts.layout
         model = self.model
         self._geoms = [g for g in range(model.ngeom) if model.geom_bodyid[g] != 0]

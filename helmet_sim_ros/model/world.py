@@ -15,7 +15,7 @@ from helmet_sim_ros.model.anvil_drops import PATCH, unevenness
 from helmet_sim_ros.model.fall.setup import Fall
 from helmet_sim_ros.model.fall.start import start_fall
 from helmet_sim_ros.model.force.bodies import Chains, chains
-from helmet_sim_ros.model.force.columns import Columns, as_now, columns, no_columns
+from helmet_sim_ros.model.force.columns import Columns, columns, no_columns
 from helmet_sim_ros.model.force.contact import Contact
 from helmet_sim_ros.model.force.fit import ELASTIC, STIFFEST
 from helmet_sim_ros.model.force.friction import RELAXATION
@@ -23,7 +23,6 @@ from helmet_sim_ros.model.force.neck import CervicalSpine
 from helmet_sim_ros.model.force.self_contact import SelfContact
 from helmet_sim_ros.model.force.spring import deepest, law_table, unloading_exponent
 from helmet_sim_ros.model.force.stops import Stops, joint_stops
-from helmet_sim_ros.model.geometry import read_geometry
 from helmet_sim_ros.model.headform import Headform
 from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.layout import Layout
@@ -292,25 +291,9 @@ def _add_helmet(spec: mujoco.MjSpec, head: mujoco.MjsBody, helmet: Helmet) -> No
         _rigid(shell, struck, center, [POINT_INERTIA] * 3)
     else:
         _rigid(fitted, struck + inside, center, list(helmet.inertia))
-    _draw_shell(spec, shell, helmet)
-
-
-def _draw_shell(spec: mujoco.MjSpec, shell: mujoco.MjsBody, helmet: Helmet) -> None:
-    if helmet.geometry is None:
-        shell.add_geom(
-            name="shell", type=mujoco.mjtGeom.mjGEOM_ELLIPSOID, size=list(helmet.shell.semi_axes),
-            pos=list(helmet.shell.center), mass=0.0, rgba=list(HELMET_COLOR),
-        )  # fmt: skip
-        return
-    geometry = read_geometry(helmet.geometry)
-    vertices = as_now(helmet, geometry, geometry.vertices)
-    spec.add_mesh(
-        name="shell", uservert=vertices.ravel(), userface=geometry.faces.ravel(),
-        inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
-    )  # fmt: skip
     shell.add_geom(
-        name="shell", type=mujoco.mjtGeom.mjGEOM_MESH, meshname="shell", mass=0.0, contype=0,
-        conaffinity=0, rgba=list(HELMET_COLOR),
+        name="shell", type=mujoco.mjtGeom.mjGEOM_ELLIPSOID, size=list(helmet.shell.semi_axes),
+        pos=list(helmet.shell.center), mass=0.0, rgba=list(HELMET_COLOR),
     )  # fmt: skip
 
 

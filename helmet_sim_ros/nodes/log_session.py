@@ -18,8 +18,10 @@ from helmet_sim_ros.biomech.record import ImpactRecord, from_block
 from helmet_sim_ros.errors import LogError, SetupError
 from helmet_sim_ros.mcap_log.blocks import Assembled, Block
 from helmet_sim_ros.mcap_log.digest import SETUP_DIGEST
-from helmet_sim_ros.mcap_log.layout import FORMAT_VERSION, IMPACT, NO_CRITERIA, RUN
+from helmet_sim_ros.mcap_log.layout import BINARY, FORMAT_VERSION, IMPACT, NO_CRITERIA, RUN
 from helmet_sim_ros.mcap_log.writer import LogWriter
+from helmet_sim_ros.model.geometry import geometry_digest
+from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.setup import setup_from_names
 from helmet_sim_ros.nodes import samples
 from helmet_sim_ros.nodes.conversion import CHANNELS, nanoseconds
@@ -27,6 +29,7 @@ from helmet_sim_ros.nodes.qos import CLOCK, CRITERIA, LIVE, SAMPLES_WRITER, as_y
 from helmet_sim_ros.nodes.recorder_config import RecorderConfig
 from helmet_sim_ros.nodes.scene_markers import SceneMarkers
 from helmet_sim_ros.nodes.serialised import CLOCK_TOPIC, serialised
+from helmet_sim_ros.resources import is_path
 
 #: The scene is drawn once per so much simulation time [s]; it follows from the other channels.
 SCENE_PERIOD = 1e-3
@@ -63,6 +66,7 @@ class LogSession:
         self.end_ns = 0
         self._resolve = resolve
         self._models: dict[str, str] = {}
+        self._attached: set[str] = set()
         self._first: Block | None = None
         self._scene: SceneMarkers | None = None
         topics = (*(channel.topic for channel in CHANNELS), CLOCK_TOPIC)
@@ -100,9 +104,14 @@ class LogSession:
             self._first = block
             self._scene = None
             try:
-                self._scene = SceneMarkers(setup_from_names(block.setup))
+                setup = setup_from_names(block.setup)
+                self._scene = SceneMarkers(setup)
+                self._attach_files(setup.helmet_config)
             except SetupError as error:  # a helmet that this node may not or cannot open
-                self._warn(f"impact {block.impact_id}: no scene in the log: {error}")
+                self._warn(
+                    f"impact {block.impact_id}: no scene and no file of the helmet in the log: "
+                    f"{error}"
+                )
         if len(block.data) and self._first is not None:
             record = from_block(list(block.labels), block.data, self._first.setup)
             self._add_samples(record, block.first, block.start_time)
@@ -138,6 +147,26 @@ class LogSession:
         self._writer.add_metadata(IMPACT + impact.impact_id, values)
         self._writer.flush()
         self.impacts += impact.record is not None
+
+    def _attach_files(self, helmet: Helmet) -> None:
+        """Attach once what a helmet's values only name: its geometry, and a foam of the user's."""
+        files = {}
+        if helmet.geometry is not None:
+            name = f"geometry-{geometry_digest(helmet.geometry)}.npz"
+            files[name] = (Path(helmet.geometry), BINARY)
+        foam = helmet.liner.foam
+        if foam is not None and is_path(foam):
+            files[f"foam_{helmet.liner.foam_digest}.yaml"] = (Path(foam), "application/yaml")
+        for name, (path, media_type) in files.items():
+            if name in self._attached:
+                continue
+            try:
+                content = path.expanduser().read_bytes()
+            except OSError as error:
+                self._warn(f"{path}: not in the log: {error.strerror}")
+                continue
+            self._writer.attach(name, media_type, content, self.end_ns)
+            self._attached.add(name)
 
     def _attach_model(self, text: str) -> str:
         """Attach a compiled model once, and give its attachment's name."""

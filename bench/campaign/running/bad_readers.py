@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import random
-import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -14,6 +13,7 @@ from bench.campaign.running.on_nodes import (
     FORGOTTEN,
     OnNodes,
     compare_all,
+    halt,
     random_setup,
     random_setups,
     run_setup,
@@ -45,15 +45,11 @@ class BadReaders(OnNodes):
         )  # fmt: skip
         try:
             rig.until(lambda: rig.status["simulation"]["readers"] == "3", FORGOTTEN)
-            first = random_setup(rng)
-            ran = {run_setup(rig, first)["impact_id"]: first}
+            ran = run_setups(rig, random_setups(rng, 1))
             if kind == "still":
-                reader.send_signal(signal.SIGSTOP)
-                rig.serve(rng.uniform(0.0, LONGEST))
-                call_while_still = rig.ask("simulation/run_impact")
-                rig.serve(rng.uniform(0.0, LONGEST))
-                reader.send_signal(signal.SIGCONT)
-                rig.until(call_while_still.done, FORGOTTEN)
+                setup, seconds = random_setup(rng), rng.uniform(0.0, LONGEST)
+                answer = run_setup(rig, setup, lambda: halt(rig, reader, seconds))
+                ran[answer["impact_id"]] = setup
             elif kind == "killed":
                 reader.kill()
             ran |= run_setups(rig, random_setups(rng, IMPACTS))

@@ -13,8 +13,7 @@ from bench.campaign.running import Rig
 from bench.campaign.running.mounts import read_only, unmount
 from bench.campaign.running.on_nodes import (
     OnNodes,
-    compare,
-    compare_all,
+    compare_told,
     logged,
     random_setups,
     recorded,
@@ -43,26 +42,16 @@ class LostFolders(OnNodes):
         before = run_setups(rig, random_setups(rng, rng.randrange(1, IMPACTS)))
         if rng.random() < 0.5:  # else the recorder may be in the middle of it
             rig.until(lambda: rig.status["recorder"]["impact_id"] == list(before)[-1])
-        ran, told = {}, set()
         with spoil(self.logs) as elsewhere:
-            for setup in random_setups(rng, IMPACTS):
-                impact_id, on_disk = recorded(rig, setup)
-                ran[impact_id] = setup
-                told |= {impact_id} if on_disk else set()
+            ran, told = recorded(rig, random_setups(rng, IMPACTS))
             rig.call("recorder/finish")  # refused if none is open
         found = logged(self.logs)
-        if gone := told - set(found):
-            return Outcome("lost", f"{spoil.__name__}: told as on disk, but not there: {gone}")
+        compare_told(found, ran, told)
         if elsewhere.exists():
             found |= logged(elsewhere)
-        for impact_id, setup in (before | ran).items():
-            if impact_id in found:
-                compare(found[impact_id], setup, judged=impact_id in told)
+        compare_told(found, before | ran, set())
         shutil.rmtree(elsewhere, ignore_errors=True)
-        self.cleared()
-        after = run_setups(rig, random_setups(rng, 1))
-        compare_all(self.finished(rig), after)
-        self.cleared()
+        self.goes_on(rig, rng)
         return Outcome(
             "held" if len(told) == IMPACTS else "refused",
             f"{spoil.__name__}: {len(told)} of {IMPACTS} impacts on disk, else told as errors",

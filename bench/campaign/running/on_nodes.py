@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import random
+import signal
+import subprocess
 import time
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Sequence
@@ -122,6 +124,13 @@ class OnNodes(Attack):
         for path in self.logs.iterdir():
             path.unlink()
 
+    def goes_on(self, rig: Rig, rng: random.Random) -> None:
+        """After a case in which logs were lost: the next impact is in the next log."""
+        self.cleared()
+        again = run_setups(rig, random_setups(rng, 1))
+        compare_all(self.finished(rig), again)
+        self.cleared()
+
 
 def random_setup(rng: random.Random) -> ImpactSetup:
     """A short impact of any kind."""
@@ -142,12 +151,16 @@ def waited(rig: Rig, future: Any, seconds: float = ANSWERED) -> Any:
     return future.result()
 
 
-def run_setup(rig: Rig, setup: ImpactSetup) -> dict[str, Any]:
-    """Have a setup run; its answer. Nobody waits for its criteria."""
+def run_setup(
+    rig: Rig, setup: ImpactSetup, meanwhile: Callable[[], object] = lambda: None
+) -> dict[str, Any]:
+    """Have a setup run, and something be done meanwhile; its answer. Nobody waits for criteria."""
     reason = rig.set(**parameter_values(setup))
     if reason:
         raise Loss(f"a good setup was refused: {reason}")
-    answer = waited(rig, rig.ask("simulation/run_impact"))
+    call = rig.ask("simulation/run_impact")
+    meanwhile()
+    answer = waited(rig, call)
     if not answer.success:
         raise Loss(f"an impact failed: {answer.message}")
     result: dict[str, Any] = json.loads(answer.message)
@@ -167,8 +180,26 @@ def run_setups(rig: Rig, setups: Iterable[ImpactSetup]) -> dict[str, ImpactSetup
     return ran
 
 
-def recorded(rig: Rig, setup: ImpactSetup) -> tuple[str, bool]:
-    """Have a setup run: its impact id, and whether it was told as on disk or as an error."""
+def halt(rig: Rig, process: subprocess.Popen[bytes], seconds: float) -> None:
+    """Have a process stand still for a while."""
+    process.send_signal(signal.SIGSTOP)
+    try:
+        rig.serve(seconds)
+    finally:
+        process.send_signal(signal.SIGCONT)
+
+
+def recorded(rig: Rig, setups: Iterable[ImpactSetup]) -> tuple[dict[str, ImpactSetup], set[str]]:
+    """Have setups run: impact id -> setup, and which were told as on disk, not as an error."""
+    ran, told = {}, set()
+    for setup in setups:
+        impact_id, on_disk = _recorded(rig, setup)
+        ran[impact_id] = setup
+        told |= {impact_id} if on_disk else set()
+    return ran, told
+
+
+def _recorded(rig: Rig, setup: ImpactSetup) -> tuple[str, bool]:
     rig.status["recorder"] = {"impact_id": "", "level": "", "message": ""}
     impact_id = run_setup(rig, setup)["impact_id"]
 
@@ -219,6 +250,16 @@ def compare(impact: LoggedImpact, setup: ImpactSetup, judged: bool = True) -> No
         raise Loss(f"{name}: no criteria in the log")
     if found is not None and found != evaluate(record):
         raise Loss(f"{name}: the log has other criteria")
+
+
+def compare_told(
+    found: dict[str, LoggedImpact], ran: dict[str, ImpactSetup], told: set[str]
+) -> None:
+    """What was told as on disk is there, with its criteria; what is there is what ran."""
+    if gone := told - set(found):
+        raise Loss(f"told as on disk, but not there: {sorted(gone)}")
+    for impact_id in set(found) & set(ran):
+        compare(found[impact_id], ran[impact_id], judged=impact_id in told)
 
 
 def compare_all(

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-import json
 import random
-import signal
 
 from bench.campaign.attack import Outcome
 from bench.campaign.running import Rig
-from bench.campaign.running.on_nodes import OnNodes, compare_all, random_setups, run_setups, waited
-from helmet_sim_ros.nodes.scenario_node import parameter_values
+from bench.campaign.running.on_nodes import (
+    OnNodes,
+    compare_all,
+    halt,
+    random_setups,
+    run_setup,
+    run_setups,
+)
 
 IMPACTS = 4
 #: Longest halt [s]; a reader that hangs for 30 s is given up.
@@ -25,21 +29,13 @@ class StoppedNodes(OnNodes):
 
     def attacked(self, rig: Rig, rng: random.Random) -> Outcome:
         victim = rng.choice(self.kinds)
-        setups = random_setups(rng, IMPACTS)
-        rig.set(**parameter_values(setups[0]))
-        call = rig.ask("simulation/run_impact")
-        rig.serve(rng.uniform(0.0, 0.1))
-        process = rig.processes[victim]
-        process.send_signal(signal.SIGSTOP)
-        try:
-            rig.serve(rng.uniform(0.1, LONGEST))
-        finally:
-            process.send_signal(signal.SIGCONT)
-        answer = waited(rig, call)
-        if not answer.success:
-            return Outcome("lost", f"{victim} stood still: {answer.message}")
-        first = json.loads(answer.message)["impact_id"]
-        ran = {first: setups[0]} | run_setups(rig, setups[1:])
+        first, *others = random_setups(rng, IMPACTS)
+
+        def stand_still() -> None:
+            rig.serve(rng.uniform(0.0, 0.1))
+            halt(rig, rig.processes[victim], rng.uniform(0.1, LONGEST))
+
+        ran = {run_setup(rig, first, stand_still)["impact_id"]: first} | run_setups(rig, others)
         compare_all(self.finished(rig), ran)
         self.cleared()
         return Outcome("held", f"{victim} stood still")

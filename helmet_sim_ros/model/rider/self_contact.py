@@ -87,8 +87,9 @@ def _parts(model: mujoco.MjModel, helmet: Helmet, scale: float) -> Iterator[Part
         )  # fmt: skip
     worn = helmet.coupling != "none"
     yield Part(
-        "helmet", int(model.body("helmet_rest" if worn else "head").id), shell.center,
-        shell.center, 0.0, (*shell.semi_axes, (RIM if worn else 1.0) * shell.semi_axes[2]),
+        "helmet", int(model.body("helmet_rest" if worn else "head").id),
+        shell.center, shell.center, 0.0,
+        (*shell.semi_axes, (RIM if worn else 1.0) * shell.semi_axes[2]),
     )  # fmt: skip
     for limb, side in itertools.product((*ARM, *LEG), SIDES):
         body = model.body(f"{limb}_{side}")

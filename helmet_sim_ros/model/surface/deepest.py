@@ -217,6 +217,8 @@ def _newton(kind: int, size: Size, p: Pose, u: Vector) -> tuple[Vector, Form, bo
         c = pull + h11 * we * we + 2.0 * h12 * we * wf + h22 * wf * wf
         s, t = gx * bx + gy * by + gz * bz, gx * dx + gy * dy + gz * dz
         det = a * c - b * b  # at least pull^2: the distance is convex
+        if det <= 0.0:  # but for rounding, where the pull is all but nothing
+            return u, form, False
         step_b, step_d = -(c * s - b * t) / det, -(a * t - b * s) / det
         promise = -0.5 * (step_b * s + step_d * t)
         share = 1.0

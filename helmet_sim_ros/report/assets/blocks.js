@@ -24,6 +24,19 @@ const page = {
     return data;
   },
 
+  /* The drawing of a helmet, which impacts share: corners and triangles, decoded once. */
+  meshes: {},
+  mesh(key) {
+    return this.meshes[key] ||= (async () => {
+      const { vertices, faces } = (await this.decoded(document.querySelector(`script[data-mesh="${key}"]`).textContent)).arrays;
+      const rows = (values, at) => {
+        const count = values.length / 3;
+        return Array.from({ length: count }, (_, i) => [at(values[i]), at(values[count + i]), at(values[2 * count + i])]);
+      };
+      return { vertices: rows(vertices, (v) => v), faces: rows(faces, Math.round) };
+    })();
+  },
+
   times(data) {
     return Float64Array.from({ length: data.count }, (_, i) => data.start + i * data.step);
   },

@@ -1,11 +1,11 @@
-// The helmet as an ellipsoid of dots with its struck points; turned by dragging.
+// The helmet as dots on its shell with its struck points; turned by dragging.
 "use strict";
 (() => {
   const scene = JSON.parse(document.getElementById("scene").textContent);
   const canvas = document.getElementById("view"), hover = document.getElementById("hover");
   const context = canvas.getContext("2d");
   const style = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
-  const dots = [], N = 900, golden = Math.PI * (3 - Math.sqrt(5));
+  const dots = scene.dots || [], N = scene.dots ? 0 : 900, golden = Math.PI * (3 - Math.sqrt(5));
   for (let i = 0; i < N; i++) {
     const z = 1 - (2 * i + 1) / N, r = Math.sqrt(1 - z * z);
     const u = [r * Math.cos(golden * i), r * Math.sin(golden * i), z];

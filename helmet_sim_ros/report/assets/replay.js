@@ -5,6 +5,7 @@
   const CLOTH = {  // red, green, blue
     jacket: [94, 122, 150], trousers: [62, 66, 76], leather: [44, 44, 48], head: [222, 184, 160], helmet: [48, 104, 186],
   };
+  const LEAST_CRUSH = 0.02;  // share of the most that is shown in colour
   const STRIPE = "rgb(238,240,243)", VISOR = [38, 44, 54], INSIDE = "rgb(30,32,36)";
   const TRUNK = ["thorax", "abdomen", "pelvis"];
   const NECK = 0.055, NECK_BELOW = 0.1;  // m, half width of the drawn neck, and where it begins below the head's centre
@@ -59,6 +60,22 @@
     return [-1, 1].flatMap((end) => ellipsoidOutline(moved(p, c, [0, 0, end * shape.size[1]]), c, ball, right, up, 20));
   }
 
+  /* Outward normal and colour of each triangle: of the shell, or of the crush below it. */
+  function colored({ vertices, faces }, crush, scale) {
+    const normals = faces.map((face) => {
+      const [a, b, d] = face.map((k) => vertices[k]), u = b.map((v, i) => v - a[i]), w = d.map((v, i) => v - a[i]);
+      const n = unit([u[1] * w[2] - u[2] * w[1], u[2] * w[0] - u[0] * w[2], u[0] * w[1] - u[1] * w[0]]);
+      return dot(n, a) < 0 ? n.map((v) => -v) : n;
+    });
+    const colors = faces.map((face) => {
+      const share = face.reduce((sum, k) => sum + crush[k], 0) / 3;
+      if (share < LEAST_CRUSH) return CLOTH.helmet;
+      const at = share * (scale.length - 1), low = Math.min(Math.floor(at), scale.length - 2);
+      return scale[low].map((v, i) => v + (at - low) * (scale[low + 1][i] - v));
+    });
+    return { vertices, faces, normals, colors };
+  }
+
   page.replay = (figure, data, histories) => {
     const scene = data.replay, shapes = scene.shapes;
     const canvas = figure.querySelector("canvas"), ctx = canvas.getContext("2d");
@@ -74,6 +91,8 @@
     const planes = scene.surface.filter((s) => s.kind === "plane").map((s) => [s.rotation[2], s.rotation[5], s.rotation[8]]);
     for (let k = 0; k < 4 && planes.some((normal) => dot(normal, viewed().near) < 0.2); k++) state.azimuth += Math.PI / 2;
     slider.max = count - 1;
+    let shell = null;
+    if (scene.mesh) page.mesh(scene.mesh).then((mesh) => { shell = colored(mesh, data.arrays.replay_crush, scene.colors); paint(); });
 
     const pose = (b) => {
       const v = Array.from({ length: 7 }, (_, k) => poses[(b * 7 + k) * count + state.frame]);
@@ -125,7 +144,9 @@
       }
       if ("helmet" in place) {
         units.push({ depth: dot(all[place.helmet].p, view.near), paint: () => {
-          if ("head" in place) solid(all[place.head], draw);
+          const head = () => { if ("head" in place) solid(all[place.head], draw); };
+          if (shell) { meshed(all[place.helmet], draw, head); return; }
+          head();
           helmet(all[place.helmet], draw);
         } });
       } else if ("head" in place) units.push({ depth: dot(all[place.head].p, view.near), paint: () => solid(all[place.head], draw) });
@@ -263,6 +284,24 @@
       ctx.strokeStyle = INSIDE;
       ctx.lineWidth = 2;
       line([...rim, rim[0]]);
+    }
+
+    /* A helmet of its own shape: what shows its inner side, the head, what shows its outer side; each from the farthest
+       triangle to the nearest. */
+    function meshed({ p, c }, { view, to }, head) {
+      const light = unit(view.right.map((v, i) => -0.5 * v + 0.7 * view.up[i] + 0.8 * view.near[i]));
+      const places = shell.vertices.map((v) => moved(p, c, v)), points = places.map(to);
+      const order = shell.faces.map((face, i) => {
+        const n = shell.normals[i], turned = c[0].map((_, k) => n[0] * c[0][k] + n[1] * c[1][k] + n[2] * c[2][k]);
+        return { face, i, turned, outer: dot(turned, view.near) > 0, depth: face.reduce((sum, k) => sum + dot(places[k], view.near), 0) };
+      });
+      order.sort((one, two) => one.outer - two.outer || one.depth - two.depth);
+      let before = true;
+      for (const { face, i, turned, outer } of order) {
+        if (outer && before) { head(); before = false; }
+        const style = outer ? rgb(shell.colors[i], 0.55 + 0.6 * Math.max(0, dot(turned, light))) : INSIDE;
+        fill(face.map((k) => points[k]), style, style);
+      }
     }
 
     function stroke(points) {

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
 
@@ -15,16 +14,19 @@ from helmet_sim_ros.biomech.catalogue import SPOKEN, entry
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.biomech.result import Criterion
 from helmet_sim_ros.errors import LogError
+from helmet_sim_ros.model.force.columns import columns, first_touch
 from helmet_sim_ros.report.certification.tables import to_csv, to_json
 from helmet_sim_ros.report.page.crush import crush_map
 from helmet_sim_ros.report.page.svg import Curve, panel
+from helmet_sim_ros.study.certification.campaign import direction
 from helmet_sim_ros.study.certification.certify import Certification, Row
 from helmet_sim_ros.version import __version__
 
+MOST_DOTS = 1000  # in the picture of a helmet with a geometry
 #: Of the whole package, whatever the protocol.
 NOT_MODELLED = (
-    "The headform is rigid. The shell is an ellipsoid: face opening, chin bar, visor and vents are "
-    "left out.",
+    "The headform is rigid. The shell is a whole ellipsoid, without face opening and chin bar, "
+    "unless the helmet has a geometry of its own. The visor is left out.",
     "On kerb, hemisphere and edges the shell bends as a plate between anvil and liner; what it "
     "costs to flatten or break the shell is left out.",
     "A column of the liner is crushed on its own, along the anvil's normal; tearing and cracks of "
@@ -102,8 +104,9 @@ def _shown(number: int, row: Row, result: Certification) -> dict[str, object]:
             label = f"limit {limit * 1e-3:g}"
             curves.append(Curve(ends, np.full(2, limit * 1e-3), "law", label))
         panels.append(panel("Angular acceleration of the head", "time [ms]", "[krad/s^2]", curves))
-    if row.crush is not None and result.column_position is not None:
-        found = crush_map(row.crush, result.column_position)
+    if row.crush is not None:
+        helmet = row.hit.setup.helmet_config
+        found = crush_map(row.crush, columns(helmet).point, helmet.geometry is None)
         if found is not None:
             panels.append(found["svg"])  # type: ignore[arg-type]
     values = [_spoken_named(c) for c in row.criteria.values() if c.limit is not None]
@@ -124,11 +127,12 @@ def _spoken_named(criterion: Criterion) -> str:
 
 
 def _scene(result: Certification) -> dict[str, object]:
-    """Ellipsoid and struck points for the page's 3-D view, metres, helmet frame."""
-    shell = result.rows[0].hit.setup.helmet_config.shell
+    """Shell and struck points for the page's 3-D view, metres, helmet frame."""
+    helmet = result.rows[0].hit.setup.helmet_config
+    shell = helmet.shell
     points: dict[str, dict[str, object]] = {}
     for number, row in enumerate(result.rows, 1):
-        where = _on_shell(row.site_deg, shell.semi_axes, shell.center)
+        where = first_touch(helmet, direction(*row.site_deg)).tolist()
         key = f"{row.site_deg}"
         label = f"{row.hit.name}: {row.verdict}"
         if row.margin is not None:
@@ -145,19 +149,13 @@ def _scene(result: Certification) -> dict[str, object]:
     return {
         "axes": list(shell.semi_axes),
         "center": list(shell.center),
+        "dots": None if helmet.geometry is None else _dots(columns(helmet).point),
         "points": list(points.values()),
     }
 
 
-def _on_shell(
-    site_deg: tuple[float, float], semi_axes: Sequence[float], center: Sequence[float]
-) -> list[float]:
-    """The point of the shell whose outward normal has that azimuth and elevation [m]."""
-    a, e = np.radians(site_deg)
-    normal: FloatArray = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
-    axes = np.array(semi_axes)
-    point = np.array(center) + axes**2 * normal / np.linalg.norm(axes * normal)
-    return [float(v) for v in point]
+def _dots(points: FloatArray) -> object:
+    return np.round(points[:: -(-len(points) // MOST_DOTS)], 4).tolist()
 
 
 def _limits(result: Certification) -> list[dict[str, str]]:

@@ -13,7 +13,7 @@ from helmet_sim_ros.study.certification.campaign import Campaign
 from helmet_sim_ros.study.certification.certify import CRITERIA, Certification, Row
 from helmet_sim_ros.version import __version__
 
-COLUMNS = ("test", "point", "anvil", "hit", "speed_m_s", "normal_velocity_m_s",
+COLUMNS = ("test", "headform", "point", "anvil", "hit", "speed_m_s", "normal_velocity_m_s",
            "tangential_velocity_m_s", "verdict", "margin", "closest", *CRITERIA,
            "largest_strain", "notes")  # fmt: skip
 
@@ -43,6 +43,7 @@ def as_dict(result: Certification) -> dict[str, Any]:
 def _row(row: Row) -> dict[str, Any]:
     return {
         "test": row.test,
+        "headform": row.headform,
         "point": row.point,
         "anvil": row.anvil,
         "hit": row.hit_number,
@@ -75,8 +76,8 @@ def to_csv(result: Certification) -> str:
         found = row.criteria
         writer.writerow(
             [
-                row.test, row.point, row.anvil, row.hit_number, row.speed, row.normal_velocity,
-                row.tangential_velocity, row.verdict,
+                row.test, row.headform, row.point, row.anvil, row.hit_number, row.speed,
+                row.normal_velocity, row.tangential_velocity, row.verdict,
                 "" if row.margin is None else f"{row.margin:.6g}", row.closest or "",
                 *(f"{found[name].value:.8g}" if name in found else "" for name in CRITERIA),
                 "" if row.strain is None else f"{row.strain:.6g}", "; ".join(row.notes),

@@ -16,7 +16,7 @@ _MIDDLE = (_RADIUS + _MARGIN, 0.5 * _HEIGHT)
 _RINGS = (45, 90, 135)  # deg from the crown
 _REACH = 150.0  # deg from the crown at the edge of the map
 #: Scale from no to most crush.
-_COLORS = ((255, 245, 220), (254, 196, 79), (227, 74, 51), (127, 0, 0))
+COLORS = ((255, 245, 220), (254, 196, 79), (227, 74, 51), (127, 0, 0))
 #: The eye port of a drawn helmet: half widths and middle, azimuth and elevation [deg].
 _PORT, _PORT_MIDDLE = (72.0, 21.0), 4.0
 
@@ -30,11 +30,17 @@ def crush_panel(record: ImpactRecord) -> dict[str, object] | None:
     residual, position = record.extras.get("residual_crush"), record.extras.get("column_position")
     if not isinstance(residual, np.ndarray) or not isinstance(position, np.ndarray):
         return None
-    return crush_map(residual, position)
+    return crush_map(residual, position, port=record.setup.get("helmet.geometry") is None)
 
 
-def crush_map(residual: FloatArray, position: FloatArray) -> dict[str, object] | None:
-    """:func:`crush_panel` of residual crush (n,) and position of the columns (n, 3) [m]."""
+def crush_map(
+    residual: FloatArray, position: FloatArray, port: bool = True
+) -> dict[str, object] | None:
+    """:func:`crush_panel` of residual crush (n,) and position of the columns (n, 3) [m].
+
+    Args:
+        port: draw where an eye port would be; without, as small dots, where there is a liner.
+    """
     if residual.ndim != 1 or position.shape != (len(residual), 3) or not len(residual):
         return None
     worst = float(residual.max())
@@ -47,20 +53,26 @@ def crush_map(residual: FloatArray, position: FloatArray) -> dict[str, object] |
     x, y = _placed(np.arctan2(position[:, 1], position[:, 0]), angle)
     # Columns cover the sphere evenly: each dot is as wide as its share of the map.
     spacing = np.degrees(np.sqrt(4.0 * np.pi / len(residual))) * _RADIUS / _REACH
+    if not port:
+        covered = "".join(
+            f"M{a:.0f},{b:.0f}h1"
+            for a, b in zip(x[angle <= _REACH], y[angle <= _REACH], strict=True)
+        )
+        parts.append(f'<path class="ring" d="{covered}"/>')
     if worst > 0.0:
         for i in np.flatnonzero((residual > 0.01 * worst) & (angle <= _REACH)).tolist():
             parts.append(
                 f'<circle cx="{x[i]:.0f}" cy="{y[i]:.0f}" r="{0.75 * spacing:.1f}" '
                 f'fill="{color(residual[i] / worst)}"/>'
             )
-    parts += _outline() + _bar(worst) + ["</svg>"]
+    parts += _outline(port) + _bar(worst) + ["</svg>"]
     return {"title": title, "svg": Markup("".join(parts))}
 
 
 def color(share: float) -> str:
     """The colour of a share of the most crush, ``#e34a33``."""
-    at = np.linspace(0.0, 1.0, len(_COLORS))
-    rgb = [np.interp(share, at, [c[i] for c in _COLORS]) for i in range(3)]
+    at = np.linspace(0.0, 1.0, len(COLORS))
+    rgb = [np.interp(share, at, [c[i] for c in COLORS]) for i in range(3)]
     return "#" + "".join(f"{round(float(v)):02x}" for v in rgb)
 
 
@@ -71,7 +83,7 @@ def _placed(heading: FloatArray, angle: FloatArray) -> tuple[FloatArray, FloatAr
             _MIDDLE[1] - scale * angle * np.cos(heading))  # fmt: skip
 
 
-def _outline() -> list[str]:
+def _outline(port: bool) -> list[str]:
     """Rings of equal angle, the eye port, and where front and sides are."""
     parts = []
     for ring in _RINGS:
@@ -80,13 +92,14 @@ def _outline() -> list[str]:
         slant = r * math.sqrt(0.5)  # between back and right, where no other text is
         parts.append(f'<text class="soft" text-anchor="middle" x="{_MIDDLE[0] + slant:.1f}" '
                      f'y="{_MIDDLE[1] + slant:.1f}">{ring}°</text>')  # fmt: skip
-    turn = np.linspace(0.0, 2.0 * np.pi, 73)
-    across, up = np.cos(turn), np.sin(turn)
-    squared = (across**4 + up**4) ** -0.25
-    heading = np.radians(_PORT[0] * squared * across)
-    x, y = _placed(heading, 90.0 - _PORT_MIDDLE - _PORT[1] * squared * up)
-    points = " ".join(f"{a:.0f},{b:.0f}" for a, b in zip(x, y, strict=True))
-    parts.append(f'<polygon class="port" points="{points}"/>')
+    if port:
+        turn = np.linspace(0.0, 2.0 * np.pi, 73)
+        across, up = np.cos(turn), np.sin(turn)
+        squared = (across**4 + up**4) ** -0.25
+        heading = np.radians(_PORT[0] * squared * across)
+        x, y = _placed(heading, 90.0 - _PORT_MIDDLE - _PORT[1] * squared * up)
+        points = " ".join(f"{a:.0f},{b:.0f}" for a, b in zip(x, y, strict=True))
+        parts.append(f'<polygon class="port" points="{points}"/>')
     half = 0.88 * _RADIUS
     for text, dx, dy in (("front", 0.0, -half), ("back", 0.0, half + 4),
                          ("left", -half, 4.0), ("right", half, 4.0)):  # fmt: skip

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from importlib import resources
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -14,8 +15,11 @@ from helmet_sim_ros.biomech.result import Evaluation
 from helmet_sim_ros.errors import LogError
 from helmet_sim_ros.mcap_log import ImpactLog
 from helmet_sim_ros.report.page.article import article, messages, setup_rows
+from helmet_sim_ros.report.page.blocks import packed
 from helmet_sim_ros.report.page.comparison import comparisons
 from helmet_sim_ros.report.page.quantity import pretty
+from helmet_sim_ros.report.page.replay import mesh_data
+from helmet_sim_ros.report.replay.scene import admit_helmets
 from helmet_sim_ros.report.review.check import Reviewed, review
 from helmet_sim_ros.report.review.summary import common, labels, varying
 from helmet_sim_ros.study.scenario.reference import load_reference
@@ -33,8 +37,9 @@ _INLINE = {
 LIMITS = (
     "These are results of a simulation. They replace no test of a helmet, and a verdict here is no "
     "certificate: it compares numbers with limits.",
-    "Skull and headform are rigid. The shell is an ellipsoid, or the cells of the helmet's "
-    "geometry; face opening, chin bar, visor and the deformation of the body are left out.",
+    "Skull and headform are rigid. The shell is a whole ellipsoid, without face opening and chin "
+    "bar, unless the helmet has a geometry of its own. Visor and deformation of the body are left "
+    "out.",
     "With coupling 'spring' the helmet moves against the head in translation only; with 'foam' "
     "each column of the liner is crushed on its own.",
     "Accelerations are inertial, of the head's centre of gravity, in world axes; rotation is shown "
@@ -58,6 +63,8 @@ def report_page(logs: Sequence[ImpactLog], standard: str | None = None) -> str:
         LogError: no complete impact, or damaged samples.
         PulseError: no criteria can be computed from an impact.
     """
+    for log in logs:
+        admit_helmets(log)
     found = [(log, impact) for log in logs for impact in log]
     problems = [
         f"{log.path.name}: {text}" for log in logs for text in (*log.problems, *log.warnings)
@@ -73,13 +80,16 @@ def report_page(logs: Sequence[ImpactLog], standard: str | None = None) -> str:
     }
     different = varying(setups)
     names = list(zip(labels(setups), labels(setups, False), strict=True))
-    rows, impacts = [], []
+    rows, impacts, meshes = [], [], {}
     for i, (log, impact) in enumerate(found):  # each is read once
         row = review(impact, standard)
         rows.append((log, row))
         impacts.append(
             article(i + 1, log, row, names[i], published[i], models, different, len(found))
         )
+        with suppress(LogError):  # the article says that it has no replay
+            if mesh := mesh_data(impact.record):
+                meshes[mesh[0]] = mesh[1]
     failed = sum(row.evaluation.verdict == "fail" for _, row in rows)
     context = {
         "version": _version(),
@@ -88,6 +98,7 @@ def report_page(logs: Sequence[ImpactLog], standard: str | None = None) -> str:
         "headline": _headline([row for _, row in rows], failed),
         "problems": problems,
         "impacts": impacts,
+        "meshes": {key: packed({}, arrays) for key, arrays in meshes.items()},
         "comparisons": comparisons(logs, rows),
         "models": models,
         "reference": load_reference("table1").source,

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import hashlib
+
 import numpy as np
+from scipy.spatial import cKDTree
 
 from helmet_sim_ros.biomech.record import FloatArray, ImpactRecord
 from helmet_sim_ros.model.arrows import force_arrows
-from helmet_sim_ros.model.scene import SceneShape
+from helmet_sim_ros.model.scene import SceneShape, ShellMesh
 from helmet_sim_ros.model.surface.drawing import Primitive, drawn
+from helmet_sim_ros.report.page.crush import COLORS
 from helmet_sim_ros.report.replay.scene import scene_of
 
 #: Pictures of one replay.
@@ -23,7 +27,9 @@ def replay_data(record: ImpactRecord) -> tuple[dict[str, object], dict[str, Floa
         ``shapes`` (name, kind, size [m], cloth), ``face`` of the helmet, ``surface`` (kind, size,
         position, rotation row by row), ``names`` and ``arrowColors``; and the arrays ``time`` [ms],
         ``poses``: x, y, z, quaternion x, y, z, w of every shape, each over the frames, and
-        ``arrows``: tail and tip of every force arrow, each over the frames.
+        ``arrows``: tail and tip of every force arrow, each over the frames. Of a helmet with a mesh
+        also ``mesh``, its key in :func:`mesh_data`, and ``colors``; and the array ``crush``, the
+        share of the most residual crush at each vertex.
 
     Raises:
         LogError: this version's model cannot show the record.
@@ -47,11 +53,46 @@ def replay_data(record: ImpactRecord) -> tuple[dict[str, object], dict[str, Floa
         "names": [arrow.name for arrow in first],
     }
     # Each component over time: neighbours differ little.
-    return plain, {
+    arrays = {
         "time": record.time[frames] * 1e3,
         "poses": np.moveaxis(np.array(poses), 0, -1),
         "arrows": np.moveaxis(np.array(arrows), 0, -1),
     }
+    if scene.mesh is not None:
+        plain |= {"mesh": _key(scene.mesh), "colors": COLORS}
+        center = np.array(scene.setup.helmet_config.shell.center)
+        arrays["crush"] = _crush(record, scene.mesh.vertices + center)
+    return plain, arrays
+
+
+def mesh_data(record: ImpactRecord) -> tuple[str, dict[str, FloatArray]] | None:
+    """Key and arrays of the mesh that :func:`replay_data` names; ``vertices`` x, y, z [m], each
+    over all, ``faces`` in the same way. Impacts of one helmet share it; None: it has none.
+
+    Raises:
+        LogError: this version's model cannot show the record.
+    """
+    mesh = scene_of(record).mesh
+    if mesh is None:
+        return None
+    return _key(mesh), {"vertices": mesh.vertices.T, "faces": mesh.faces.T.astype(float)}
+
+
+def _key(mesh: ShellMesh) -> str:
+    return hashlib.sha256(mesh.vertices.tobytes() + mesh.faces.tobytes()).hexdigest()[:12]
+
+
+def _crush(record: ImpactRecord, vertices: FloatArray) -> FloatArray:
+    """Share of the most residual crush at places (v, 3) [m], of the nearest column."""
+    residual, position = (record.extras.get(n) for n in ("residual_crush", "column_position"))
+    nothing = np.zeros(len(vertices))
+    if not isinstance(residual, np.ndarray) or not isinstance(position, np.ndarray):
+        return nothing
+    worst = float(residual.max(initial=0.0))
+    if worst <= 0.0 or position.shape != (len(residual), 3):
+        return nothing
+    nearest: FloatArray = residual[cKDTree(position).query(vertices)[1]] / worst
+    return nearest
 
 
 def _cloth(shape: SceneShape) -> str:

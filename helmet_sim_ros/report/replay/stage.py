@@ -13,6 +13,7 @@ from helmet_sim_ros.model.scene import Scene
 from helmet_sim_ros.model.surface.drawing import Primitive, drawn
 from helmet_sim_ros.report.replay.scene import scene_of
 
+Color = tuple[float, float, float, float]
 _KINDS = {
     "ellipsoid": mujoco.mjtGeom.mjGEOM_ELLIPSOID,
     "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE,
@@ -66,7 +67,23 @@ class Stage:
             mujoco.mju_quat2Mat(rotation, np.array([w, x, y, z]))
             r, g, b, opacity = shape.color
             color = (r, g, b, min(opacity, _SHELL_OPACITY) if shape.name == "helmet" else opacity)
+            if shape.name == "helmet" and self.scene.mesh is not None:
+                self._draw_mesh(target, position, rotation, color)
+                continue
             _add(target, _KINDS[shape.kind], shape.size, position, rotation, color)
+
+    def _draw_mesh(
+        self, target: mujoco.MjvScene, position: FloatArray, rotation: FloatArray, color: Color
+    ) -> None:
+        """The helmet's own shell. MuJoCo keeps a mesh about its middle, along its main axes."""
+        model, turn = self.scene.model, np.empty(9)
+        mujoco.mju_quat2Mat(turn, model.mesh_quat[0])
+        frame = rotation.reshape(3, 3)
+        geom = _add(
+            target, mujoco.mjtGeom.mjGEOM_MESH, (1.0,) * 3, position + frame @ model.mesh_pos[0],
+            (frame @ turn.reshape(3, 3)).ravel(), color,
+        )  # fmt: skip
+        geom.dataid = 0  # twice the number of the mesh; odd: its convex hull
 
     def draw_around(self, target: mujoco.MjvScene, index: int) -> None:
         """Add surface and forces of one sample to a scene."""
@@ -113,7 +130,7 @@ def _add(
     size: tuple[float, ...],
     position: FloatArray | tuple[float, ...],
     rotation: FloatArray,
-    color: tuple[float, float, float, float],
+    color: Color,
 ) -> mujoco.MjvGeom:
     geom = target.geoms[target.ngeom]
     mujoco.mjv_initGeom(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
@@ -68,6 +68,11 @@ class Row:
     def test(self) -> str:
         """Name of the protocol's test."""
         return self.hit.test
+
+    @property
+    def headform(self) -> str | None:
+        """What stands for the head."""
+        return self.hit.setup.head.form
 
     @property
     def point(self) -> str:
@@ -161,6 +166,7 @@ def certify(
     helmet: str = "fullface",
     protocol: str | Path = "ece_r22_06",
     *,
+    headforms: Sequence[str] = (),
     overrides: Mapping[str, object] | None = None,
     workers: int | None = None,
     progress: Progress | None = None,
@@ -172,6 +178,9 @@ def certify(
     Args:
         helmet: name in ``config/helmets``, or path.
         protocol: name in ``config/protocols``, or path.
+        headforms: sizes to test, names in ``config/headforms``, or ``("all",)``: every size of the
+            protocol. The helmet's file is for the protocol's headform; it is made anew for the
+            others, see :func:`helmet_sim_ros.study.certification.sizes.remade`.
         overrides: dotted names that replace values in every impact.
         workers: impacts at the same time; unset: one per core. They are threads: the physics runs
             without the interpreter lock.
@@ -182,7 +191,7 @@ def certify(
             headform; nothing has run by then.
         DivergedError: an impact could not be simulated.
     """
-    campaign = make_campaign(helmet, str(protocol), load_protocol(protocol), overrides)
+    campaign = make_campaign(helmet, str(protocol), load_protocol(protocol), overrides, headforms)
     return run_campaign(campaign, workers, progress)
 
 

@@ -31,6 +31,9 @@ class Point(Config):
     azimuth_deg: float = quantity("0 front, 90 left, 180 rear", "deg", ge=-180.0, le=180.0)
     elevation_deg: float = quantity("above the horizontal", "deg", ge=-90.0, le=90.0)
     words: str = Field("", description="where that is")
+    chin: bool = Field(
+        False, description="on the chin bar: only helmets whose geometry has one are struck there"
+    )
     source: str = Field(description="document that states it, or that it is our choice")
     verified: bool = Field(False, description="whether the primary text was read")
 
@@ -79,7 +82,12 @@ class Protocol(Config):
     rig: Literal["headform", "monorail"] = Field(
         "headform", description="headform: free fall; monorail: guided, the head does not turn"
     )
-    headform: str = Field(description="name in config/headforms, or path")
+    headform: str = Field(
+        description="name in config/headforms, or path: the size that a helmet's file is for"
+    )
+    sizes: tuple[str, ...] = Field(
+        (), description="all headforms of the document, each for a helmet of its size"
+    )
     points: dict[str, Point] = Field(description="by name")
     tests: tuple[Test, ...] = Field(description="in order")
     rating: str = Field("", description="how a rating follows, or why none is given")
@@ -103,6 +111,8 @@ class Protocol(Config):
             if test.headform is not None:
                 problems += _refused(load_headform, test.headform, f"{where}.headform")
         problems += _refused(load_headform, self.headform, "headform")
+        for index, size in enumerate(self.sizes):
+            problems += _refused(load_headform, size, f"sizes[{index}]")
         if problems:
             raise SetupError(problems)
         return self

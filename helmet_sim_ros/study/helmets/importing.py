@@ -36,6 +36,7 @@ from helmet_sim_ros.study.helmets.thickness import (
 
 DRAWN = 2000  # triangles of the drawing in reports and replays
 MOSTLY = 0.5
+WALL = (0.0, 0.01)  # m, that a shell's material may have
 
 
 class ImportPlan(Config):
@@ -64,6 +65,7 @@ class ImportPlan(Config):
         "of the foam; unset: that of the base helmet", "kg/m^3", None, ge=15.0, le=120.0
     )
     base: str = "fullface"
+    intersecting: bool = False
 
 
 @dataclass(frozen=True)
@@ -92,9 +94,9 @@ def import_helmet(shell: Path, liner: Path | None, plan: ImportPlan) -> Imported
     Raises:
         SetupError: a mesh or value that cannot be used; names file, key and place.
     """
-    parts = [read_part(shell, "shell", plan.units)]
+    parts = [read_part(shell, "shell", plan.units, plan.intersecting)]
     if liner is not None:
-        parts.append(read_part(liner, "liner", plan.units or parts[0].unit))
+        parts.append(read_part(liner, "liner", plan.units or parts[0].unit, plan.intersecting))
     notes = [note for part in parts for note in part.notes]
     outer, *inner = _in_head_frame(parts, plan, notes)
     surface = outer_surface(outer, str(shell))
@@ -148,6 +150,11 @@ def import_helmet(shell: Path, liner: Path | None, plan: ImportPlan) -> Imported
         "coupling": "foam",
     }
     values["shell"] |= {"semi_axes": tuple(axes.tolist()), "center": tuple(center.tolist())}
+    solid = depths.shell[depths.shell > 0.0]
+    if len(solid) > MOSTLY * len(depths.shell):
+        wall = float(np.clip(np.median(solid), *WALL))
+        values["shell"]["material"]["thickness"] = wall
+        notes.append(f"shell {1e3 * wall:.1f} mm thick; what it is made of is that of {plan.base}")
     for zone in ZONES:
         values["liner"][zone] = dict.fromkeys(values["liner"][zone])
     values["liner"] |= {"thickness": mean, "density": density, "columns": len(cells.area)}

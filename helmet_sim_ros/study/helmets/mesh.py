@@ -13,6 +13,7 @@ from trimesh.visual import ColorVisuals
 
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.errors import SetupError
+from helmet_sim_ros.study.helmets.crossings import crossings
 
 SUFFIXES = (".stl", ".obj", ".ply")
 UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}
@@ -46,17 +47,18 @@ class Part:
         return mesh
 
 
-def read_part(path: Path, role: str, unit: str | None = None) -> Part:
+def read_part(path: Path, role: str, unit: str | None = None, intersecting: bool = False) -> Part:
     """A mesh file.
 
     Args:
         path: STL, OBJ or PLY.
         role: what an error calls it (``"shell"``).
         unit: of the file's numbers, one of ``UNITS``; unset: told by the size.
+        intersecting: whether a mesh that intersects itself is told of and not refused.
 
     Raises:
-        SetupError: no such file, no mesh, a truncated one, numbers that are not finite, or a size
-            that is no helmet's in the unit; names file and place.
+        SetupError: no such file, no mesh, a truncated one, numbers that are not finite, a size
+            that is no helmet's in the unit, or a mesh that intersects itself; names file and place.
     """
     mesh = _load(path, role)
     size = float(np.ptp(mesh.vertices, axis=0).max())
@@ -75,7 +77,28 @@ def read_part(path: Path, role: str, unit: str | None = None) -> Part:
             f"{SIZE[0]:g} to {SIZE[1]:g} m{hint}",
         )  # fmt: skip
     mesh.apply_scale(UNITS[unit])  # type: ignore[no-untyped-call]
-    return Part(path, mesh, unit, tuple(_findings(mesh, path, unit)))
+    notes = _findings(mesh, path, unit)
+    if where := _crossed(mesh, unit):
+        if not intersecting:
+            raise SetupError.of(
+                role, str(path), f"intersects itself: {where}; mend it, or take it as it is with "
+                "--allow-intersections: what lies inside is hidden, thickness there may be wrong",
+            )  # fmt: skip
+        notes.append(f"{path.name}: intersects itself: {where}")
+    return Part(path, mesh, unit, tuple(notes))
+
+
+def _crossed(mesh: Trimesh, unit: str) -> str:
+    """Where a mesh [m] intersects itself, in its file's unit; empty: nowhere."""
+    found = crossings(mesh)
+    if len(found.face) == 0:
+        return ""
+    numbers = np.sort([found.face[0], found.other[0]]) + 1
+    place = ", ".join(f"{c / UNITS[unit]:.4g}" for c in found.place[0])
+    return (
+        f"triangle {numbers[0]} goes through {numbers[1]} of {len(mesh.faces)} at ({place}) "
+        f"{unit}, and {len(found.face) - 1} more such places"
+    )
 
 
 def _load(path: Path, role: str) -> Trimesh:
@@ -136,7 +159,6 @@ def _findings(mesh: Trimesh, path: Path, unit: str) -> list[str]:
         )
     if not mesh.is_winding_consistent:
         notes.append(f"{path.name}: neighbouring triangles are wound against each other")
-    notes.append(f"{path.name}: not checked whether it intersects itself")
     return notes
 
 

@@ -22,6 +22,7 @@ from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.errors import Problem, SetupError
 from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.identified import SIDES, exponential, exponential_through
+from helmet_sim_ros.study.helmets.files import values_beside
 from helmet_sim_ros.study.identification.drop_tests import DropTest, padding_stroke
 
 MINIMUM_TESTS = 3  # two constants and one degree of freedom for their confidence
@@ -98,7 +99,7 @@ def identify(tests: Sequence[DropTest], base: Helmet) -> Identification:
 
 def write_helmet(helmet: Helmet, path: Path, description: str) -> None:
     """Write an identified helmet as a YAML file for ``helmet=PATH``."""
-    data = helmet.model_copy(update={"description": description}).model_dump(mode="json")
+    data = values_beside(helmet, path.parent) | {"description": description}
     path.write_text(yaml.safe_dump(data, sort_keys=False, allow_unicode=True), encoding="utf-8")
 
 

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.errors import SetupError
 from helmet_sim_ros.model.force.columns import Columns, columns, mean_densities
+from helmet_sim_ros.model.geometry import ZONES, read_geometry
 from helmet_sim_ros.model.helmet import Helmet, Shell
 from helmet_sim_ros.schema import Config, quantity
 
@@ -33,7 +34,6 @@ QUANTITIES = {
     "max_thickness": "m",
     "max_density": "kg/m^3",
 }
-ZONES = ("front", "back", "side", "top")
 #: Columns with which masses are integrated; the simulation's own number is a matter of its cost.
 MASS_COLUMNS = 1000
 
@@ -96,10 +96,27 @@ def make_design(reference: Helmet, values: Mapping[str, object], rules: DesignRu
     quantities = {
         "helmet_mass": helmet.mass,
         "liner_mass": liner_mass(grown, rules),
-        "max_thickness": max(helmet.liner.zone_thickness(zone) for zone in ZONES),
+        "max_thickness": max(zone_thicknesses(helmet)),
         "max_density": max(helmet.liner.zone_density(zone) for zone in ZONES),
     }
     return Design(helmet, {**values, **following}, quantities)
+
+
+def zone_thicknesses(helmet: Helmet) -> tuple[float, ...]:
+    """Thickness of the liner in each of ``ZONES`` [m].
+
+    Of a measured liner the mean where the zone is, as thick as the helmet's values make it now; see
+    :func:`helmet_sim_ros.model.force.columns.geometry_columns`.
+    """
+    liner = helmet.liner
+    if helmet.geometry is None:
+        return tuple(liner.zone_thickness(zone) for zone in ZONES)
+    geometry = read_geometry(helmet.geometry)
+    mean = float(geometry.mean_thickness)
+    before = np.where(geometry.zone_thickness > 0.0, geometry.zone_thickness, mean)
+    scaled = before * liner.thickness / mean
+    own = (getattr(liner, zone).thickness for zone in ZONES)
+    return tuple(float(s) if o is None else o for o, s in zip(own, scaled, strict=True))
 
 
 def bare_mass(helmet: Helmet, rules: DesignRules) -> float:
@@ -152,9 +169,11 @@ def _curvatures(shell: Shell, cells: Columns) -> tuple[FloatArray, FloatArray]:
 
 def _shell_around(reference: Helmet, changed: Helmet) -> dict[str, tuple[float, ...]]:
     """Semi-axes and centre of the shell that leave the head its room."""
-    before, after = reference.liner, changed.liner
     front, back, side, top = (
-        after.zone_thickness(zone) - before.zone_thickness(zone) for zone in ZONES
+        after - before
+        for before, after in zip(
+            zone_thicknesses(reference), zone_thicknesses(changed), strict=True
+        )
     )
     # The open bottom stays: half of what the top gains goes into the semi-axis.
     growth = np.array([(front + back) / 2.0, side, top / 2.0])

@@ -12,6 +12,7 @@ import yaml
 
 from helmet_sim_ros.errors import SetupError, StudyError
 from helmet_sim_ros.extra import need
+from helmet_sim_ros.study.helmets.files import values_beside
 from helmet_sim_ros.study.optimisation.output import plot_trials, write_sensitivity, write_trials
 from helmet_sim_ros.study.optimisation.plan import Optimisation, load_optimisation
 from helmet_sim_ros.study.optimisation.sensitivity import sensitivity
@@ -181,11 +182,13 @@ def _write_helmets(folder: StudyFolder, result: OptimisationResult) -> None:
     for trial in result.best:
         told = ", ".join(f"{name} {value:.4g}" for name, value in trial.responses.items())
         about = {"description": f"Design {trial.number} of the optimisation {plan.name}: {told}."}
-        helmet = plan.design(trial.values).helmet.model_dump()
+        path = result.helmet_file(trial)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        helmet = values_beside(plan.design(trial.values).helmet, path.parent)
         text = yaml.safe_dump(_plain(helmet | about), sort_keys=False)
-        folder.write(result.helmet_file(trial), partial(_write_text, text))
+        folder.write(path, partial(_write_text, text))
     kept = {result.helmet_file(trial) for trial in result.best}
-    for path in (folder.path / "designs").glob("*.yaml"):
+    for path in (folder.path / "designs").glob("design_*.yaml"):
         if path not in kept:
             path.unlink()
 
