@@ -33,6 +33,7 @@ from helmet_sim_ros.model.force.bodies import (
     HELMET,
     Loads,
     Motion,
+    Rigid,
     count_surface,
     load,
     rigid,
@@ -72,9 +73,13 @@ MASS = 0.5
 QUIET, SLOW = 5e3, 3e-4
 DAMPING = 0.2  # of the fastest bending mode; the foam damps all slow ones
 
-#: What is kept of each column: place in the tangent plane and height over it [m], cosine of its
-#: normal to the plane's, rate of the height [m/s], and the force that it has now [N].
-U, V, HEIGHT, COSINE, RATE, PUSHED = range(6)
+#: What is kept of each column: cell of the grid that it is over, and its place there from 0 to 1;
+#: height over the tangent plane [m], cosine of its normal to the plane's, rate of the height [m/s],
+#: and the force that it has now [N].
+I, J, ACROSS, ALONG, HEIGHT, COSINE, RATE, PUSHED = range(8)
+#: How much closer than by its own rate a column may come to the plate between two calls [m/s]: the
+#: plate is no faster than what strikes it.
+FASTEST = 40.0
 
 
 class Plate(NamedTuple):
@@ -97,7 +102,8 @@ class Plate(NamedTuple):
             working memory.
         bent: moments xx, yy and xy over D with a border of 0, (3, n + 2, n + 2); working memory.
         pressed: force of the foam on each node, (n, n) [N]; working memory.
-        columns: of each column, see ``U`` to ``PUSHED``; (columns, 6).
+        columns: of each column, see ``I`` to ``PUSHED``; (columns, 8).
+        active: indices of the columns that may touch the plate, their number in the last place.
     """
 
     stiffness: float
@@ -118,6 +124,7 @@ class Plate(NamedTuple):
     bent: FloatArray
     pressed: FloatArray
     columns: FloatArray
+    active: NDArray[np.int64]
 
 
 def plate(helmet: Helmet, liner: CrushingLiner) -> Plate:
@@ -148,6 +155,7 @@ def plate(helmet: Helmet, liner: CrushingLiner) -> Plate:
         stiffness if count else 0.0, material.poisson, material.strongest_curvature, lag, longest,
         cell, np.zeros(1, dtype=np.int64), plane, np.zeros(12), height, speed, slow, anvil,
         friction, lagging, np.zeros((3, n + 2, n + 2)), pressed, np.zeros((count, PUSHED + 1)),
+        np.zeros(count + 1, dtype=np.int64),
     )  # fmt: skip
 
 
@@ -363,17 +371,14 @@ def on_plate(plate: Plate, u: float, v: float) -> tuple[int, int, float, float]:
 def press(plate: Plate, liner: CrushingLiner, early: float) -> None:
     """Forces of the foam on the plate, ``early`` seconds before the step ends."""
     _, _, areas, thicknesses, radii, foams = liner.columns
-    listed, state, z, pressed = liner.near.listed, plate.columns, plate.height, plate.pressed
+    active, state, z, pressed = plate.active, plate.columns, plate.height, plate.pressed
     largest, rest = liner.largest, liner.rest
     pressed[:] = 0.0
-    for n in range(listed[-1]):
-        c = listed[n]
-        u, v, height = state[c, U], state[c, V], state[c, HEIGHT]
-        cosine, rate = state[c, COSINE], state[c, RATE]
+    for n in range(active[-1]):
+        c = active[n]
+        height, cosine, rate = state[c, HEIGHT], state[c, COSINE], state[c, RATE]
         state[c, PUSHED] = 0.0
-        if cosine <= 0.0:
-            continue
-        i, j, a, b = on_plate(plate, u, v)
+        i, j, a, b = int(state[c, I]), int(state[c, J]), state[c, ACROSS], state[c, ALONG]
         q, r, s, t = (1.0 - a) * (1.0 - b), a * (1.0 - b), (1.0 - a) * b, a * b
         surface = q * z[i, j] + r * z[i + 1, j] + s * z[i, j + 1] + t * z[i + 1, j + 1]
         depth = surface - (height - rate * early)
@@ -390,6 +395,34 @@ def press(plate: Plate, liner: CrushingLiner, early: float) -> None:
         pressed[i + 1, j] += r * force
         pressed[i, j + 1] += s * force
         pressed[i + 1, j + 1] += t * force
+
+
+@compiled
+def place(plate: Plate, liner: CrushingLiner, helmet: Rigid, step: float) -> None:
+    """Where every near column is over the plate, and which may touch it within ``step`` seconds
+    before."""
+    points, normals, radii = liner.columns.point, liner.columns.normal, liner.columns.radius
+    listed, state, f, z = liner.near.listed, plate.columns, plate.frame, plate.height
+    origin, ex, ey, up = row3(f, 0), row3(f, 3), row3(f, 6), row3(f, 9)
+    count = 0
+    for n in range(listed[-1]):
+        c = listed[n]
+        state[c, PUSHED] = 0.0
+        cosine = -dot(up, turned(helmet.rotation, row(normals, c)))
+        if cosine <= 0.0:
+            continue
+        point = world_point(helmet, row(points, c))
+        off = sub(point, origin)
+        i, j, a, b = on_plate(plate, dot(off, ex), dot(off, ey))
+        height, rate = dot(off, up), dot(velocity_at(helmet, point), up)
+        highest = max(max(z[i, j], z[i + 1, j]), max(z[i, j + 1], z[i + 1, j + 1]))
+        if height - highest > radii[c] + (abs(rate) + FASTEST) * step:
+            continue
+        state[c, I], state[c, J], state[c, ACROSS], state[c, ALONG] = i, j, a, b
+        state[c, HEIGHT], state[c, COSINE], state[c, RATE] = height, cosine, rate
+        plate.active[count] = c
+        count += 1
+    plate.active[-1] = count
 
 
 @compiled
@@ -417,22 +450,17 @@ def apply(
         return
     follow(plate, liner, surface, motion)
     helmet = rigid(motion, liner.helmet)
-    points, normals, foams = liner.columns.point, liner.columns.normal, liner.columns.foam
-    state, f, largest = plate.columns, plate.frame, liner.largest
-    origin, ex, ey, up = row3(f, 0), row3(f, 3), row3(f, 6), row3(f, 9)
-    for n in range(listed[-1]):
-        c = listed[n]
-        point = world_point(helmet, row(points, c))
-        off = sub(point, origin)
-        state[c, U], state[c, V], state[c, HEIGHT] = dot(off, ex), dot(off, ey), dot(off, up)
-        state[c, COSINE] = -dot(up, turned(helmet.rotation, row(normals, c)))
-        state[c, RATE] = dot(velocity_at(helmet, point), up)
-    count = math.ceil(step / plate.longest)
-    part = step / count
-    for k in range(count):
-        press(plate, liner, step - (k + 1) * part)
-        move(plate, part)
-    press(plate, liner, 0.0)
+    points, foams, largest = liner.columns.point, liner.columns.foam, liner.largest
+    state, f = plate.columns, plate.frame
+    up = row3(f, 9)
+    place(plate, liner, helmet, step)
+    if plate.active[-1] > 0:  # else it rests: it has let go of all that bent it
+        count = math.ceil(step / plate.longest)
+        part = step / count
+        for k in range(count):
+            press(plate, liner, step - (k + 1) * part)
+            move(plate, part)
+        press(plate, liner, 0.0)
     total, moment, friction = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for n in range(listed[-1]):
         c = listed[n]
@@ -440,14 +468,14 @@ def apply(
         if pushed <= 0.0:
             stick[0] = stick[1] = stick[2] = 0.0
             continue
-        i, j, _, _ = on_plate(plate, state[c, U], state[c, V])
         point = world_point(helmet, row(points, c))
         slip = across(velocity_at(helmet, point), up)
         shear = loading_stress(largest[c], foams[c]) / largest[c] / (2.0 * (1.0 + POISSON))
         shear *= liner.columns.area[c] * state[c, COSINE] / liner.columns.thickness[c]
         rubbed = friction_force(
-            shear, RELAXATION - motion.ahead, plate.friction[i, j] * pushed, slip, up, step, stick
-        )
+            shear, RELAXATION - motion.ahead,
+            plate.friction[int(state[c, I]), int(state[c, J])] * pushed, slip, up, step, stick,
+        )  # fmt: skip
         force = add(scaled(up, pushed), rubbed)
         total, friction = add(total, force), add(friction, rubbed)
         moment = add(moment, cross(point, force))
