@@ -76,7 +76,7 @@ DAMPING = 0.2  # of the fastest bending mode; the foam damps all slow ones
 #: What is kept of each column: cell of the grid that it is over, and its place there from 0 to 1;
 #: height over the tangent plane [m], cosine of its normal to the plane's, rate of the height [m/s],
 #: and the force that it has now [N].
-I, J, ACROSS, ALONG, HEIGHT, COSINE, RATE, PUSHED = range(8)
+CELL_U, CELL_V, ACROSS, ALONG, HEIGHT, COSINE, RATE, PUSHED = range(8)
 #: How much closer than by its own rate a column may come to the plate between two calls [m/s]: the
 #: plate is no faster than what strikes it.
 FASTEST = 40.0
@@ -102,7 +102,7 @@ class Plate(NamedTuple):
             working memory.
         bent: moments xx, yy and xy over D with a border of 0, (3, n + 2, n + 2); working memory.
         pressed: force of the foam on each node, (n, n) [N]; working memory.
-        columns: of each column, see ``I`` to ``PUSHED``; (columns, 8).
+        columns: of each column, see ``CELL_U`` to ``PUSHED``; (columns, 8).
         active: indices of the columns that may touch the plate, their number in the last place.
     """
 
@@ -378,7 +378,7 @@ def press(plate: Plate, liner: CrushingLiner, early: float) -> None:
         c = active[n]
         height, cosine, rate = state[c, HEIGHT], state[c, COSINE], state[c, RATE]
         state[c, PUSHED] = 0.0
-        i, j, a, b = int(state[c, I]), int(state[c, J]), state[c, ACROSS], state[c, ALONG]
+        i, j, a, b = int(state[c, CELL_U]), int(state[c, CELL_V]), state[c, ACROSS], state[c, ALONG]
         q, r, s, t = (1.0 - a) * (1.0 - b), a * (1.0 - b), (1.0 - a) * b, a * b
         surface = q * z[i, j] + r * z[i + 1, j] + s * z[i, j + 1] + t * z[i + 1, j + 1]
         depth = surface - (height - rate * early)
@@ -418,7 +418,7 @@ def place(plate: Plate, liner: CrushingLiner, helmet: Rigid, step: float) -> Non
         highest = max(max(z[i, j], z[i + 1, j]), max(z[i, j + 1], z[i + 1, j + 1]))
         if height - highest > radii[c] + (abs(rate) + FASTEST) * step:
             continue
-        state[c, I], state[c, J], state[c, ACROSS], state[c, ALONG] = i, j, a, b
+        state[c, CELL_U], state[c, CELL_V], state[c, ACROSS], state[c, ALONG] = i, j, a, b
         state[c, HEIGHT], state[c, COSINE], state[c, RATE] = height, cosine, rate
         plate.active[count] = c
         count += 1
@@ -474,7 +474,7 @@ def apply(
         shear *= liner.columns.area[c] * state[c, COSINE] / liner.columns.thickness[c]
         rubbed = friction_force(
             shear, RELAXATION - motion.ahead,
-            plate.friction[int(state[c, I]), int(state[c, J])] * pushed, slip, up, step, stick,
+            plate.friction[int(state[c, CELL_U]), int(state[c, CELL_V])] * pushed, slip, up, step, stick,
         )  # fmt: skip
         force = add(scaled(up, pushed), rubbed)
         total, friction = add(total, force), add(friction, rubbed)
