@@ -117,11 +117,11 @@ def apply_forces(forces: Forces, step: float, motion: Motion, loads: Loads) -> N
 
 
 @compiled
-def is_touched(loads: Loads) -> bool:
-    """Whether the surface pressed anything."""
+def acts(surface: FloatArray) -> bool:
+    """Whether there is any force among rows of ``Loads.surface``, (n, 9)."""
     total = 0.0
-    for pressed in loads.surface.flat:
-        total += abs(pressed)
+    for load in surface.flat:
+        total += abs(load)
     return total > 0.0
 
 
@@ -234,7 +234,7 @@ def advance_fall(
             correct(flight, motion, time[0])
         velocity_(model, data)
 
-        touches = (loads.surface[HELMET] != 0.0).any()  # in the last step
+        touches = acts(loads.surface[HELMET : HELMET + 1])  # in the last step
         pressed = touches or is_held(pace, motion.qvel, progress, flying)
         step = pace.fine
         if time[0] >= progress.fine_until[0] or steps[0] % LOOKS == 0:
@@ -253,7 +253,7 @@ def advance_fall(
         add_generalised(motion, loads, engine.chains)
         before = progress.before[0]
         state = FLIGHT
-        if is_touched(loads):
+        if acts(loads.surface):
             state = TOUCH if flying else GROUND
             flight.since[0] = -1.0
         elif not flying:

@@ -474,7 +474,8 @@ def apply(
         shear *= liner.columns.area[c] * state[c, COSINE] / liner.columns.thickness[c]
         rubbed = friction_force(
             shear, RELAXATION - motion.ahead,
-            plate.friction[int(state[c, CELL_U]), int(state[c, CELL_V])] * pushed, slip, up, step, stick,
+            plate.friction[int(state[c, CELL_U]), int(state[c, CELL_V])] * pushed,
+            slip, up, step, stick,
         )  # fmt: skip
         force = add(scaled(up, pushed), rubbed)
         total, friction = add(total, force), add(friction, rubbed)
