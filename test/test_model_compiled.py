@@ -9,7 +9,9 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
+from numba.core.errors import NumbaError
 
 from helmet_sim_ros.model import compiled
 from helmet_sim_ros.model.compiled import SOURCES, cache_folder, source_digest
@@ -186,3 +188,17 @@ def test_sources_that_cannot_be_written_to_are_cached_at_the_user_s(
     monkeypatch.setattr(compiled.numba.config, "CACHE_DIR", "")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "user"))
     assert compiled._writable_root() == tmp_path / "user" / "helmet_sim_ros" / "machine_code"
+
+
+def test_compiled_code_that_makes_an_array_is_refused() -> None:
+    """It would count references to every array that it touches, at a third of the loop's cost."""
+
+    def total(n: int) -> float:
+        return float(np.zeros(n).sum())
+
+    def sum_of(n: int) -> float:
+        return float(np.zeros(n).sum())
+
+    with pytest.raises(NumbaError, match="zeros"):
+        compiled.compiled(total)(3)
+    assert compiled.allocating(sum_of)(3) == 0.0

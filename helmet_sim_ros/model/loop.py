@@ -41,6 +41,7 @@ from helmet_sim_ros.model.force.bodies import (
     add_generalised,
     clear,
 )
+from helmet_sim_ros.model.force.vector import write
 from helmet_sim_ros.model.surface.carrier import carry
 from helmet_sim_ros.model.surface.compiled import Surface
 
@@ -168,19 +169,20 @@ def sample(engine: Engine, motion: Motion, loads: Loads, rows: Rows, i: int) -> 
     """Write the present state, its sensors and loads into row i; leaves the acceleration."""
     factor_m(engine.model, engine.data)
     acceleration_(engine.model, engine.data)
-    engine.sampled_acceleration[:] = engine.acceleration
+    write(engine.sampled_acceleration, engine.acceleration)
     _sensor_pos(engine.model, engine.data)
     _sensor_vel(engine.model, engine.data)
     about_mass_centers(motion, loads, engine.cartesian)
     _rne_post(engine.model, engine.data)
     _sensor_acc(engine.model, engine.data)
     engine.cartesian[:] = 0.0  # the generalised forces have them already
-    rows.qpos[i] = motion.qpos
-    rows.qvel[i] = motion.qvel
-    rows.sensors[i] = engine.sensors
-    rows.coupling[i] = loads.coupling
-    rows.spring[i] = loads.spring
-    rows.surface[i] = loads.surface
+    write(rows.qpos[i], motion.qpos)
+    write(rows.qvel[i], motion.qvel)
+    write(rows.sensors[i], engine.sensors)
+    write(rows.coupling[i], loads.coupling)
+    write(rows.spring[i], loads.spring)
+    write(rows.surface[i, 0], loads.surface[0])
+    write(rows.surface[i, 1], loads.surface[1])
 
 
 @inlined

@@ -27,6 +27,7 @@ from helmet_sim_ros.model.headform import Headform
 from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.layout import Layout
 from helmet_sim_ros.model.placement import place, resume
+from helmet_sim_ros.model.rest import AtRest
 from helmet_sim_ros.model.rider import tissue
 from helmet_sim_ros.model.rider.anthropometry import Segment, anthropometry
 from helmet_sim_ros.model.rider.body import add_body
@@ -173,12 +174,12 @@ def _parts(
         set_rest(model, math.radians(neck_flexion_deg))
     if posing is not None:
         posing.set(model)
-    foam = helmet.coupling == "foam"
+    foam, rest = helmet.coupling == "foam", AtRest(model)
     return Parts(
-        model, spec, _ellipsoids(model, helmet, body.scale),
+        model, spec, _ellipsoids(model, helmet, body.scale, rest),
         columns(helmet) if foam else no_columns(),
-        joint_stops(model), cervical_spine(model, rider.neck),
-        self_contact(model, helmet, body), chains(model),
+        joint_stops(model, rest), cervical_spine(model, rider.neck),
+        self_contact(model, helmet, body, rest), chains(model),
         _damped_diagonal(model), Layout(model),
     )  # fmt: skip
 
@@ -328,7 +329,7 @@ def _add_sensors(spec: mujoco.MjSpec, rig: str, helmet: str) -> None:
         spec.add_sensor(name=name, type=sensor, objtype=objtype, objname=objname)
 
 
-def _ellipsoids(model: mujoco.MjModel, helmet: Helmet, scale: float) -> Contact:
+def _ellipsoids(model: mujoco.MjModel, helmet: Helmet, scale: float, rest: AtRest) -> Contact:
     """The shell of a spring helmet or the bare head, and every geom of the body; a capsule touches
     with the spheres at its ends."""
     shell = int(model.body("head" if helmet.coupling == "none" else "helmet").id)
@@ -344,10 +345,14 @@ def _ellipsoids(model: mujoco.MjModel, helmet: Helmet, scale: float) -> Contact:
     body = model.geom_bodyid[geoms].astype(np.int64)
     center = model.geom_pos[geoms] + (ends * size[:, 1])[:, None] * axis
     semi_axes = np.where(capsule[:, None], size[:, :1], size)
-    mass = tissue.lightest_masses(model, body, center)
-    law = np.array(
-        [_landing(model, scale, int(b), m) for b, m in zip(body, mass, strict=True)]
-    ).reshape(-1, 8)
+    mass = rest.lightest_masses(body, center)
+    regions = {b: tissue.region_of(model.body(b).name, scale) for b in np.unique(body)}
+    stiffness, thickness = np.array([regions[b] for b in body]).reshape(-1, 2).T
+    same = np.ones(len(body))
+    law = np.column_stack([
+        stiffness, tissue.DAMPING * same, same, tissue.FRICTION * same, thickness,
+        tissue.straight_share(stiffness, mass), mass, tissue.RELAXATION * same,
+    ])  # fmt: skip
     if helmet.coupling != "foam":
         own = helmet.shell
         body = np.concatenate([[shell], body])
@@ -365,13 +370,4 @@ def _ellipsoids(model: mujoco.MjModel, helmet: Helmet, scale: float) -> Contact:
     return Contact(
         shell, body, center, semi_axes, semi_axes.max(axis=1, initial=0.0), stiffness, damping,
         returned, friction, thickness, straight, mass, relaxation, state, state[:, :, 0], state,
-    )  # fmt: skip
-
-
-def _landing(model: mujoco.MjModel, scale: float, body: int, mass: float) -> tuple[float, ...]:
-    """Constants of a contact of the body, in the order of :class:`Contact`."""
-    region = tissue.region_of(model.body(body).name, scale)
-    return (
-        region.stiffness, tissue.DAMPING, 1.0, tissue.FRICTION, region.thickness,
-        tissue.straight_share(region, mass), mass, tissue.RELAXATION,
     )  # fmt: skip

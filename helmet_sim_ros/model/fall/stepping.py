@@ -29,6 +29,7 @@ from helmet_sim_ros.model.force.bodies import (
     add_generalised,
     clear,
 )
+from helmet_sim_ros.model.force.vector import write
 from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.impact import Impact
 from helmet_sim_ros.model.loop import (
@@ -116,9 +117,12 @@ def apply_forces(forces: Forces, step: float, motion: Motion, loads: Loads) -> N
 
 
 @compiled
-def is_touched(loads: Loads) -> bool:
-    """Whether the surface pressed anything."""
-    return bool((loads.surface != 0.0).any())
+def acts(surface: FloatArray) -> bool:
+    """Whether there is any force among rows of ``Loads.surface``, (n, 9)."""
+    total = 0.0
+    for load in surface.flat:
+        total += abs(load)
+    return total > 0.0
 
 
 @compiled
@@ -230,7 +234,7 @@ def advance_fall(
             correct(flight, motion, time[0])
         velocity_(model, data)
 
-        touches = (loads.surface[HELMET] != 0.0).any()  # in the last step
+        touches = acts(loads.surface[HELMET : HELMET + 1])  # in the last step
         pressed = touches or is_held(pace, motion.qvel, progress, flying)
         step = pace.fine
         if time[0] >= progress.fine_until[0] or steps[0] % LOOKS == 0:
@@ -249,7 +253,7 @@ def advance_fall(
         add_generalised(motion, loads, engine.chains)
         before = progress.before[0]
         state = FLIGHT
-        if is_touched(loads):
+        if acts(loads.surface):
             state = TOUCH if flying else GROUND
             flight.since[0] = -1.0
         elif not flying:
@@ -273,7 +277,7 @@ def advance_fall(
             late = 0.5 * before if state == GROUND and not fine else 0.0
             if late > 0.0:
                 synchronise(motion.qvel, engine.acceleration, pace, late)
-                log.rows.qvel[row] = motion.qvel
+                write(log.rows.qvel[row], motion.qvel)
             if len(log.energy):
                 if late > 0.0:
                     _com_vel(model, data)

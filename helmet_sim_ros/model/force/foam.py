@@ -21,7 +21,7 @@ import math
 import numpy as np
 
 from helmet_sim_ros.biomech.record import FloatArray
-from helmet_sim_ros.model.compiled import compiled
+from helmet_sim_ros.model.compiled import allocating, compiled
 from helmet_sim_ros.model.foams import POINTS, Foam
 
 SOLID_DENSITY = 1050.0  # kg/m^3, polystyrene (Gibson & Ashby, table 3.1)
@@ -188,7 +188,7 @@ def loading_stress(strain: float, foam: FloatArray) -> float:
     return stress
 
 
-@compiled
+@allocating
 def loading_stresses(strain: FloatArray, foam: FloatArray) -> FloatArray:
     """:func:`loading_stress` at each strain, (n,)."""
     stress = np.empty(len(strain))
@@ -228,7 +228,7 @@ def residual_strain(largest: float, foam: FloatArray) -> float:
     return max(0.0, largest - width)
 
 
-@compiled
+@allocating
 def residual_strains(largest: FloatArray, foam: FloatArray) -> FloatArray:
     """:func:`residual_strain` of each column, shape (n,), of the strains (n,) and rows (n, 5)."""
     rest = np.empty(len(largest))

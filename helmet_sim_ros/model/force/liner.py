@@ -45,6 +45,7 @@ from helmet_sim_ros.model.force.vector import (
     sub,
     turned,
     turned_back,
+    write,
 )
 from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.surface.carrier import farthest, react, remember
@@ -156,8 +157,8 @@ def find_near(liner: CrushingLiner, surface: Surface, motion: Motion) -> None:
     # An infinite entry (nothing listed yet) gives infinity or nan: neither is below the margin.
     if moved(near, surface, position, rotation) < MARGIN:
         return
-    near.position[:] = position
-    near.rotation[:] = rotation
+    write(near.position, position)
+    write(near.rotation, rotation)
     remember(surface)
     helmet = rigid(motion, liner.helmet)
     listed, distances = near.listed, near.distance

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helmet_sim_ros.biomech.record import FloatArray
-from helmet_sim_ros.model.compiled import compiled
+from helmet_sim_ros.model.compiled import allocating, compiled
 from helmet_sim_ros.model.force.bodies import Loads, Motion
 from helmet_sim_ros.model.force.vector import Vec, add, cross, dot, scaled, sub
 
@@ -251,7 +251,7 @@ def held_energy(neck: CervicalSpine, qpos: FloatArray) -> float:
     return _bent_energy(neck, qpos) + _pressed_energy(neck, length, elastic)
 
 
-@compiled
+@allocating
 def stored_energy(neck: CervicalSpine, positions: FloatArray) -> FloatArray:
     """What the neck would give back at each sample of an impact [J], (samples,).
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helmet_sim_ros.biomech.record import FloatArray
-from helmet_sim_ros.model.compiled import compiled, inlined
+from helmet_sim_ros.model.compiled import allocating, compiled, inlined
 from helmet_sim_ros.model.force.bodies import Loads, Motion, push, rigid, velocity_at
 from helmet_sim_ros.model.force.tissue import elastic_energy, elastic_force, resisting
 from helmet_sim_ros.model.force.vector import (
@@ -245,7 +245,7 @@ def press(
     push(motion, loads, a, point, scaled(force, -1.0))
 
 
-@compiled
+@allocating
 def depths(parts: SelfContact, motion: Motion) -> FloatArray:
     """Overlap of every pair beyond that of the start [m], below 0 where they are apart."""
     locate(parts, motion)

@@ -28,11 +28,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helmet_sim_ros.biomech.record import FloatArray
-from helmet_sim_ros.model.compiled import compiled
+from helmet_sim_ros.model.compiled import allocating, compiled
 from helmet_sim_ros.model.force.bodies import (
     HELMET,
     Loads,
     Motion,
+    Rigid,
     count_surface,
     load,
     rigid,
@@ -72,9 +73,13 @@ MASS = 0.5
 QUIET, SLOW = 5e3, 3e-4
 DAMPING = 0.2  # of the fastest bending mode; the foam damps all slow ones
 
-#: What is kept of each column: place in the tangent plane and height over it [m], cosine of its
-#: normal to the plane's, rate of the height [m/s], and the force that it has now [N].
-U, V, HEIGHT, COSINE, RATE, PUSHED = range(6)
+#: What is kept of each column: cell of the grid that it is over, and its place there from 0 to 1;
+#: height over the tangent plane [m], cosine of its normal to the plane's, rate of the height [m/s],
+#: and the force that it has now [N].
+CELL_U, CELL_V, ACROSS, ALONG, HEIGHT, COSINE, RATE, PUSHED = range(8)
+#: How much closer than by its own rate a column may come to the plate between two calls [m/s]: the
+#: plate is no faster than what strikes it.
+FASTEST = 40.0
 
 
 class Plate(NamedTuple):
@@ -93,9 +98,12 @@ class Plate(NamedTuple):
         height, speed: of the plate over the tangent plane, (n, n) [m], [m/s]; state.
         slow: its speed of the last moments, (n, n) [m/s]; state.
         anvil, friction: height of what lies below and its friction, (n, n); state.
-        bent: moments xx, yy and xy over D, (3, n, n); working memory.
+        lagging: height and the damping's share of the speed over the cell's area, (n, n) [1/m];
+            working memory.
+        bent: moments xx, yy and xy over D with a border of 0, (3, n + 2, n + 2); working memory.
         pressed: force of the foam on each node, (n, n) [N]; working memory.
-        columns: of each column, see ``U`` to ``PUSHED``; (columns, 6).
+        columns: of each column, see ``CELL_U`` to ``PUSHED``; (columns, 8).
+        active: indices of the columns that may touch the plate, their number in the last place.
     """
 
     stiffness: float
@@ -112,9 +120,11 @@ class Plate(NamedTuple):
     slow: FloatArray
     anvil: FloatArray
     friction: FloatArray
+    lagging: FloatArray
     bent: FloatArray
     pressed: FloatArray
     columns: FloatArray
+    active: NDArray[np.int64]
 
 
 def plate(helmet: Helmet, liner: CrushingLiner) -> Plate:
@@ -140,11 +150,12 @@ def plate(helmet: Helmet, liner: CrushingLiner) -> Plate:
         np.zeros((1, SIZES)),
         np.zeros(1),
     )
-    height, speed, slow, anvil, friction, pressed = (np.zeros((n, n)) for _ in range(6))
+    height, speed, slow, anvil, friction, lagging, pressed = (np.zeros((n, n)) for _ in range(7))
     return Plate(
         stiffness if count else 0.0, material.poisson, material.strongest_curvature, lag, longest,
         cell, np.zeros(1, dtype=np.int64), plane, np.zeros(12), height, speed, slow, anvil,
-        friction, np.zeros((3, n, n)), pressed, np.zeros((count, PUSHED + 1)),
+        friction, lagging, np.zeros((3, n + 2, n + 2)), pressed, np.zeros((count, PUSHED + 1)),
+        np.zeros(count + 1, dtype=np.int64),
     )  # fmt: skip
 
 
@@ -236,7 +247,7 @@ def engage(plate: Plate, liner: CrushingLiner, surface: Surface, motion: Motion)
     return True
 
 
-@compiled
+@allocating
 def follow(plate: Plate, liner: CrushingLiner, surface: Surface, motion: Motion) -> None:
     """Move the grid by whole cells so that the lowest point of the helmet stays near its middle."""
     helmet = rigid(motion, liner.helmet)
@@ -282,34 +293,41 @@ def follow(plate: Plate, liner: CrushingLiner, surface: Surface, motion: Motion)
 
 @compiled
 def bend(plate: Plate) -> None:
-    """Moments over D from the curvatures of the plate, including damping."""
-    z, w, bent, cell, nu = plate.height, plate.speed, plate.bent, plate.cell, plate.poisson
-    lag, strongest = plate.lag, plate.strongest
-    n = len(z)
-    scale = 1.0 / (cell * cell)
+    """Moments over D from the curvatures of the plate, including damping.
+
+    Loops over rows without branches, which the compiler does eight nodes at a time.
+    """
+    z, w, bent, lagging = plate.height, plate.speed, plate.bent, plate.lagging
+    lag, nu, n = plate.lag, plate.poisson, len(plate.height)
+    scale = 1.0 / (plate.cell * plate.cell)
+    yielding = 1.0 / (plate.strongest * plate.strongest)
+    twisting = 2.0 * (1.0 - nu) * yielding
     xx, yy, xy = bent[0], bent[1], bent[2]
     for i in range(n):
         for j in range(n):
-            kx, ky = 0.0, 0.0
-            if 0 < i < n - 1:
-                kx = (z[i - 1, j] - 2.0 * z[i, j] + z[i + 1, j]) * scale
-                kx += lag * (w[i - 1, j] - 2.0 * w[i, j] + w[i + 1, j]) * scale
-            if 0 < j < n - 1:
-                ky = (z[i, j - 1] - 2.0 * z[i, j] + z[i, j + 1]) * scale
-                ky += lag * (w[i, j - 1] - 2.0 * w[i, j] + w[i, j + 1]) * scale
-            mx, my = kx + nu * ky, ky + nu * kx
-            size = (kx * kx + ky * ky + 2.0 * nu * kx * ky) ** 0.5 / strongest
-            part = 1.0 / (1.0 + size * size) ** 0.5
-            # No moment where the grid's edge leaves no curvature.
-            xx[i, j] = part * mx if 0 < i < n - 1 else 0.0
-            yy[i, j] = part * my if 0 < j < n - 1 else 0.0
-            if i < n - 1 and j < n - 1:
-                kz = (z[i, j] - z[i + 1, j] - z[i, j + 1] + z[i + 1, j + 1]) * scale
-                kz += lag * (w[i, j] - w[i + 1, j] - w[i, j + 1] + w[i + 1, j + 1]) * scale
-                size = kz * (2.0 * (1.0 - nu)) ** 0.5 / strongest
-                xy[i, j] = (1.0 - nu) * kz / (1.0 + size * size) ** 0.5
-            else:
-                xy[i, j] = 0.0
+            lagging[i, j] = scale * (z[i, j] + lag * w[i, j])
+    for i in range(n):
+        # The border of the moments is 0; so is the curvature across the grid's edge.
+        over, under = max(i - 1, 0), min(i + 1, n - 1)
+        inside = 1.0 if under - over == 2 else 0.0
+        for j in range(n):
+            kx = lagging[over, j] - 2.0 * lagging[i, j] + lagging[under, j]
+            xx[i + 1, j + 1] = inside * kx
+        for j in range(1, n - 1):
+            yy[i + 1, j + 1] = lagging[i, j - 1] - 2.0 * lagging[i, j] + lagging[i, j + 1]
+        yy[i + 1, 1] = yy[i + 1, n] = 0.0
+        for j in range(1, n + 1):
+            kx, ky = xx[i + 1, j], yy[i + 1, j]
+            size = (kx * kx + ky * ky + 2.0 * nu * kx * ky) * yielding
+            part = 1.0 / math.sqrt(1.0 + size)
+            xx[i + 1, j] = inside * part * (kx + nu * ky)
+            yy[i + 1, j] = part * (ky + nu * kx)
+        yy[i + 1, 1] = yy[i + 1, n] = 0.0
+    for i in range(n - 1):
+        for j in range(n - 1):
+            kz = lagging[i, j] - lagging[i + 1, j] - lagging[i, j + 1] + lagging[i + 1, j + 1]
+            part = 1.0 / math.sqrt(1.0 + kz * kz * twisting)
+            xy[i + 1, j + 1] = (1.0 - nu) * kz * part
 
 
 @compiled
@@ -322,29 +340,20 @@ def move(plate: Plate, step: float) -> None:
     area = plate.cell * plate.cell
     stiff = plate.stiffness / (area * MASS)
     loaded = 1.0 / (area * MASS)
+    gained = step / SLOW
     for i in range(n):
         for j in range(n):
             # Transposed stencils: the plate's own forces add up to no force and no moment.
-            f = -2.0 * (xx[i, j] + yy[i, j]) + 2.0 * xy[i, j]
-            if i > 0:
-                f += xx[i - 1, j] - 2.0 * xy[i - 1, j]
-                if j > 0:
-                    f += 2.0 * xy[i - 1, j - 1]
-            if i < n - 1:
-                f += xx[i + 1, j]
-            if j > 0:
-                f += yy[i, j - 1] - 2.0 * xy[i, j - 1]
-            if j < n - 1:
-                f += yy[i, j + 1]
+            f = xx[i, j + 1] - 2.0 * xx[i + 1, j + 1] + xx[i + 2, j + 1]
+            f += yy[i + 1, j] - 2.0 * yy[i + 1, j + 1] + yy[i + 1, j + 2]
+            f += 2.0 * (xy[i, j] - xy[i, j + 1] - xy[i + 1, j] + xy[i + 1, j + 1])
             shaking = w[i, j] - slow[i, j]
-            w[i, j] -= step * (stiff * f + loaded * pressed[i, j] + QUIET * shaking)
-            slow[i, j] += step / SLOW * (w[i, j] - slow[i, j])
-    for i in range(n):
-        for j in range(n):
-            z[i, j] += step * w[i, j]
-            if z[i, j] < anvil[i, j]:
-                z[i, j] = anvil[i, j]
-                w[i, j] = max(w[i, j], 0.0)
+            speed = w[i, j] - step * (stiff * f + loaded * pressed[i, j] + QUIET * shaking)
+            slow[i, j] += gained * (speed - slow[i, j])
+            height = z[i, j] + step * speed
+            stopped = height < anvil[i, j]
+            z[i, j] = anvil[i, j] if stopped else height
+            w[i, j] = max(speed, 0.0) if stopped else speed
 
 
 @compiled
@@ -362,17 +371,14 @@ def on_plate(plate: Plate, u: float, v: float) -> tuple[int, int, float, float]:
 def press(plate: Plate, liner: CrushingLiner, early: float) -> None:
     """Forces of the foam on the plate, ``early`` seconds before the step ends."""
     _, _, areas, thicknesses, radii, foams = liner.columns
-    listed, state, z, pressed = liner.near.listed, plate.columns, plate.height, plate.pressed
+    active, state, z, pressed = plate.active, plate.columns, plate.height, plate.pressed
     largest, rest = liner.largest, liner.rest
     pressed[:] = 0.0
-    for n in range(listed[-1]):
-        c = listed[n]
-        u, v, height = state[c, U], state[c, V], state[c, HEIGHT]
-        cosine, rate = state[c, COSINE], state[c, RATE]
+    for n in range(active[-1]):
+        c = active[n]
+        height, cosine, rate = state[c, HEIGHT], state[c, COSINE], state[c, RATE]
         state[c, PUSHED] = 0.0
-        if cosine <= 0.0:
-            continue
-        i, j, a, b = on_plate(plate, u, v)
+        i, j, a, b = int(state[c, CELL_U]), int(state[c, CELL_V]), state[c, ACROSS], state[c, ALONG]
         q, r, s, t = (1.0 - a) * (1.0 - b), a * (1.0 - b), (1.0 - a) * b, a * b
         surface = q * z[i, j] + r * z[i + 1, j] + s * z[i, j + 1] + t * z[i + 1, j + 1]
         depth = surface - (height - rate * early)
@@ -389,6 +395,34 @@ def press(plate: Plate, liner: CrushingLiner, early: float) -> None:
         pressed[i + 1, j] += r * force
         pressed[i, j + 1] += s * force
         pressed[i + 1, j + 1] += t * force
+
+
+@compiled
+def place(plate: Plate, liner: CrushingLiner, helmet: Rigid, step: float) -> None:
+    """Where every near column is over the plate, and which may touch it within ``step`` seconds
+    before."""
+    points, normals, radii = liner.columns.point, liner.columns.normal, liner.columns.radius
+    listed, state, f, z = liner.near.listed, plate.columns, plate.frame, plate.height
+    origin, ex, ey, up = row3(f, 0), row3(f, 3), row3(f, 6), row3(f, 9)
+    count = 0
+    for n in range(listed[-1]):
+        c = listed[n]
+        state[c, PUSHED] = 0.0
+        cosine = -dot(up, turned(helmet.rotation, row(normals, c)))
+        if cosine <= 0.0:
+            continue
+        point = world_point(helmet, row(points, c))
+        off = sub(point, origin)
+        i, j, a, b = on_plate(plate, dot(off, ex), dot(off, ey))
+        height, rate = dot(off, up), dot(velocity_at(helmet, point), up)
+        highest = max(max(z[i, j], z[i + 1, j]), max(z[i, j + 1], z[i + 1, j + 1]))
+        if height - highest > radii[c] + (abs(rate) + FASTEST) * step:
+            continue
+        state[c, CELL_U], state[c, CELL_V], state[c, ACROSS], state[c, ALONG] = i, j, a, b
+        state[c, HEIGHT], state[c, COSINE], state[c, RATE] = height, cosine, rate
+        plate.active[count] = c
+        count += 1
+    plate.active[-1] = count
 
 
 @compiled
@@ -416,22 +450,17 @@ def apply(
         return
     follow(plate, liner, surface, motion)
     helmet = rigid(motion, liner.helmet)
-    points, normals, foams = liner.columns.point, liner.columns.normal, liner.columns.foam
-    state, f, largest = plate.columns, plate.frame, liner.largest
-    origin, ex, ey, up = row3(f, 0), row3(f, 3), row3(f, 6), row3(f, 9)
-    for n in range(listed[-1]):
-        c = listed[n]
-        point = world_point(helmet, row(points, c))
-        off = sub(point, origin)
-        state[c, U], state[c, V], state[c, HEIGHT] = dot(off, ex), dot(off, ey), dot(off, up)
-        state[c, COSINE] = -dot(up, turned(helmet.rotation, row(normals, c)))
-        state[c, RATE] = dot(velocity_at(helmet, point), up)
-    count = math.ceil(step / plate.longest)
-    part = step / count
-    for k in range(count):
-        press(plate, liner, step - (k + 1) * part)
-        move(plate, part)
-    press(plate, liner, 0.0)
+    points, foams, largest = liner.columns.point, liner.columns.foam, liner.largest
+    state, f = plate.columns, plate.frame
+    up = row3(f, 9)
+    place(plate, liner, helmet, step)
+    if plate.active[-1] > 0:  # else it rests: it has let go of all that bent it
+        count = math.ceil(step / plate.longest)
+        part = step / count
+        for k in range(count):
+            press(plate, liner, step - (k + 1) * part)
+            move(plate, part)
+        press(plate, liner, 0.0)
     total, moment, friction = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for n in range(listed[-1]):
         c = listed[n]
@@ -439,14 +468,15 @@ def apply(
         if pushed <= 0.0:
             stick[0] = stick[1] = stick[2] = 0.0
             continue
-        i, j, _, _ = on_plate(plate, state[c, U], state[c, V])
         point = world_point(helmet, row(points, c))
         slip = across(velocity_at(helmet, point), up)
         shear = loading_stress(largest[c], foams[c]) / largest[c] / (2.0 * (1.0 + POISSON))
         shear *= liner.columns.area[c] * state[c, COSINE] / liner.columns.thickness[c]
         rubbed = friction_force(
-            shear, RELAXATION - motion.ahead, plate.friction[i, j] * pushed, slip, up, step, stick
-        )
+            shear, RELAXATION - motion.ahead,
+            plate.friction[int(state[c, CELL_U]), int(state[c, CELL_V])] * pushed,
+            slip, up, step, stick,
+        )  # fmt: skip
         force = add(scaled(up, pushed), rubbed)
         total, friction = add(total, force), add(friction, rubbed)
         moment = add(moment, cross(point, force))

@@ -24,6 +24,7 @@ from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.model.compiled import compiled, inlined
 from helmet_sim_ros.model.force.bodies import Loads, Motion
 from helmet_sim_ros.model.force.tissue import resisting
+from helmet_sim_ros.model.rest import AtRest
 
 STIFFENS = math.radians(4.0)  # e0; choice, as the neck's
 FREQUENCY = 250.0  # rad/s, of what hangs on a joint at its stop: 60 rad/s pass it by 0.14 rad
@@ -60,43 +61,19 @@ class Stops(NamedTuple):
         return self._replace(stick=np.zeros_like(self.friction))
 
 
-def joint_stops(model: mujoco.MjModel) -> Stops:
+def joint_stops(model: mujoco.MjModel, rest: AtRest) -> Stops:
     """The stops of every limited hinge of a model."""
     joints = np.flatnonzero(model.jnt_limited)
     low, high = (np.ascontiguousarray(limit) for limit in model.jnt_range[joints].T)
     dofs = model.jnt_dofadr[joints].astype(np.int64)
-    inertia = joint_inertia(model)[dofs]
+    inertia = rest.joint_inertia()[dofs]
+    # The trunk's joints are held by springs.
+    limb = np.array([not model.joint(j).name.startswith(TRUNK) for j in joints], dtype=bool)
     return Stops(
         model.jnt_qposadr[joints].astype(np.int64), dofs, low, high,
-        FREQUENCY**2 * np.maximum(inertia, LEAST), inertia, HELD * weights(model, joints),
+        FREQUENCY**2 * np.maximum(inertia, LEAST), inertia, HELD * limb * rest.weights(joints),
         np.zeros(len(joints)),
     )  # fmt: skip
-
-
-def joint_inertia(model: mujoco.MjModel) -> FloatArray:
-    """What a torque on each degree of freedom alone accelerates, in the rest posture, (nv,)."""
-    data = mujoco.MjData(model)
-    data.qpos[7:] = model.qpos_spring[7:]
-    mujoco.mj_fwdPosition(model, data)
-    inverse = np.zeros((model.nv, model.nv))
-    mujoco.mj_solveM(model, data, inverse, np.eye(model.nv))
-    inertia: FloatArray = 1.0 / np.diag(inverse)
-    return inertia
-
-
-def weights(model: mujoco.MjModel, joints: NDArray[np.int64]) -> FloatArray:
-    """The most that the weight of what hangs on a joint turns it in the rest posture, 0 for the
-    trunk, (n,) [N m]."""
-    data = mujoco.MjData(model)
-    data.qpos[7:] = model.qpos_spring[7:]
-    mujoco.mj_fwdPosition(model, data)
-    turning = np.zeros(len(joints))
-    for i, joint in enumerate(joints):
-        if not model.joint(joint).name.startswith(TRUNK):
-            body = model.jnt_bodyid[joint]
-            arm = np.cross(data.xaxis[joint], data.subtree_com[body] - data.xanchor[joint])
-            turning[i] = model.body_subtreemass[body] * 9.80665 * float(np.linalg.norm(arm))
-    return turning
 
 
 @inlined

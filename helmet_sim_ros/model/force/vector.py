@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from helmet_sim_ros.biomech.record import FloatArray
-from helmet_sim_ros.model.compiled import inlined
+from helmet_sim_ros.model.compiled import compiled, inlined
 
 Vec = tuple[float, float, float]
 #: A rotation matrix, row by row.
@@ -88,3 +88,10 @@ def matrix(array: FloatArray, i: int) -> Mat:
         array[i, 0], array[i, 1], array[i, 2], array[i, 3], array[i, 4], array[i, 5], array[i, 6],
         array[i, 7], array[i, 8],
     )  # fmt: skip
+
+
+@compiled
+def write(to: FloatArray, values: FloatArray) -> None:
+    """Copy numbers from one array to another, (n,): an assigned slice would make a third."""
+    for k in range(len(to)):
+        to[k] = values[k]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 from numba import types
 
 from helmet_sim_ros.biomech.record import FloatArray
@@ -140,7 +139,8 @@ def head_rate(
     """
     twist[:] = 0.0
     drift[:] = 0.0
-    bias = np.zeros(6)
+    bias = carrier.scratch.bias
+    bias[:] = 0.0
     for n in range(len(carried.chain)):
         j = carried.chain[n]
         for k in range(6):

@@ -73,6 +73,21 @@ class Carried(NamedTuple):
     gravity: Vec
 
 
+class Scratch(NamedTuple):
+    """Six numbers each, angular then linear; working memory of the loop, which makes no arrays."""
+
+    twist: FloatArray
+    drift: FloatArray
+    turning: FloatArray
+    bias: FloatArray
+    back: FloatArray
+    rate: FloatArray
+    wrench: FloatArray
+    impulse: FloatArray
+    impulses: FloatArray
+    average: FloatArray
+
+
 class Carrier(NamedTuple):
     """Working memory and state of the large step.
 
@@ -107,6 +122,7 @@ class Carrier(NamedTuple):
     rates: FloatArray
     tolerance: float
     longest: float
+    scratch: Scratch
 
 
 def _solid(model: mujoco.MjModel, bodies: list[int]) -> Solid:
@@ -157,5 +173,5 @@ def carrier(model: mujoco.MjModel, data: mujoco.MjData) -> Carrier:
         data.cinert, data.cdof_dot, data.xquat, np.zeros(model.nq), np.zeros(nv), np.zeros(nv),
         np.zeros(nv), np.zeros((6, nv)), np.zeros((6, nv)), np.zeros((6, 6)),
         np.array([0, 1], dtype=np.int64), np.zeros(7), np.zeros(6), np.zeros(15),
-        TOLERANCE, LONGEST,
+        TOLERANCE, LONGEST, Scratch(*np.zeros((10, 6))),
     )  # fmt: skip

@@ -17,6 +17,7 @@ from helmet_sim_ros.model.force.vector import (
     sub,
     turned,
     turned_back,
+    write,
 )
 from helmet_sim_ros.model.loop import Clock, Engine, Forces, Rows, fast_forces, integrate_pos
 from helmet_sim_ros.model.rates.large import head_rate, joint_velocity, next_length, renew
@@ -64,8 +65,7 @@ def advance_several(
     start_q, start_v, mean, latest = (
         carrier.position, carrier.velocity, carrier.mean, carrier.latest
     )  # fmt: skip
-    twist, drift, turning, rate = np.zeros(6), np.zeros(6), np.zeros(6), np.zeros(6)
-    wrench, impulse, impulses, average = np.zeros(6), np.zeros(6), np.zeros(6), np.zeros(6)
+    twist, drift, turning, _, back, rate, wrench, impulse, impulses, average = carrier.scratch
     total = len(rows.qpos) * clock.substeps
     position_h, rotation_h, velocity_h = (
         motion.position[helmet], motion.rotation[helmet], motion.velocity[helmet]
@@ -78,8 +78,8 @@ def advance_several(
         done = carrier.steps[0]
         count = min(carrier.steps[1], total - done)
         length = count * step
-        start_q[:] = qpos
-        start_v[:] = qvel
+        write(start_q, qpos)
+        write(start_v, qvel)
         renew(engine, motion, slow_loads, forces, carried, carrier, length)
         head_rate(motion, carried, carrier, slow, twist, drift, turning)
         following = next_length(carrier, drift, length)
@@ -87,7 +87,7 @@ def advance_several(
         # The head's pose at the start of the step, back from the middle; its velocity half a fine
         # step before.
         way, late = 0.5 * (length - step), 0.5 * step
-        back = np.zeros(6)
+        back[:] = 0.0
         for n in range(len(carried.chain)):
             j = carried.chain[n]
             for k in range(6):
@@ -109,8 +109,8 @@ def advance_several(
         w = slow_loads.wrenches[chest]
         held_moment = sub((w[3], w[4], w[5]), cross(sub(head_p, o), held))
         # The helmet's own state from its joints.
-        qpos[:] = start_q
-        qvel[:] = start_v
+        write(qpos, start_q)
+        write(qvel, start_v)
         head_r = matrix_of(head_q)
         helmet_q = times(
             head_q, (qpos[first + 3], qpos[first + 4], qpos[first + 5], qpos[first + 6])
@@ -273,16 +273,16 @@ def advance_several(
                 for k in range(6):
                     average[k] = impulse[k] + late * wrench[k]
                 joint_velocity(carrier, slow, time + late, average, mean)
-                rows.qpos[i] = qpos
-                rows.qvel[i] = mean
+                write(rows.qpos[i], qpos)
+                write(rows.qvel[i], mean)
                 for j in range(first_v, first_v + 6):
                     rows.qvel[i, j] = qvel[j]
                 if not foam:
                     for j in range(spring_v, spring_v + 3):
                         rows.qvel[i, j] = qvel[j]
-                rows.sensors[i] = sensors
-                rows.coupling[i] = loads.coupling
-                rows.spring[i] = loads.spring
+                write(rows.sensors[i], sensors)
+                write(rows.coupling[i], loads.coupling)
+                write(rows.spring[i], loads.spring)
                 for k in range(2):
                     for j in range(rows.surface.shape[2]):
                         rows.surface[i, k, j] = loads.surface[k, j] + slow_loads.surface[k, j]

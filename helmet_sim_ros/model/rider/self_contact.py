@@ -11,6 +11,7 @@ import numpy as np
 
 from helmet_sim_ros.model.force.self_contact import SelfContact
 from helmet_sim_ros.model.helmet import Helmet
+from helmet_sim_ros.model.rest import AtRest
 from helmet_sim_ros.model.rider import tissue
 from helmet_sim_ros.model.rider.anthropometry import Anthropometry
 
@@ -26,6 +27,7 @@ SHOULDERS, CHEST = (0.050, 0.110, 0.088), (0.095, 0.050, 0.120)
 #: How far the helmet reaches below the head's centre of gravity over the height of its shell: a
 #: full-face helmet is open around the neck (choice).
 RIM = 0.65
+HARD = tissue.Region(np.inf, 0.0)
 
 
 class Part(NamedTuple):
@@ -39,7 +41,9 @@ class Part(NamedTuple):
     semi_axes: tuple[float, float, float, float]
 
 
-def self_contact(model: mujoco.MjModel, helmet: Helmet, body: Anthropometry) -> SelfContact:
+def self_contact(
+    model: mujoco.MjModel, helmet: Helmet, body: Anthropometry, rest: AtRest
+) -> SelfContact:
     """Parts and pairs of a rider; of a model without rider, none."""
     rider = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, "thorax") >= 0
     parts = list(_parts(model, helmet, body.scale)) if rider else []
@@ -51,34 +55,22 @@ def self_contact(model: mujoco.MjModel, helmet: Helmet, body: Anthropometry) -> 
     radius = np.array([part.radius for part in parts])
     half = 0.5 * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
     reach = np.where(radius > 0.0, half + radius, semi_axes.max(axis=1, initial=0.0))
-    masses = np.minimum(
-        tissue.lightest_masses(model, bodies, ends[:, 0]),
-        tissue.lightest_masses(model, bodies, ends[:, 1]),
-    )
-    laws = np.array([_law(parts[a], parts[b], masses[[a, b]], body.scale) for a, b in pairs])
+    masses = np.minimum(*(rest.lightest_masses(bodies, end) for end in (ends[:, 0], ends[:, 1])))
     first, second = (np.array([pair[k] for pair in pairs], dtype=np.int64) for k in (0, 1))
-    stiffness, thickness, straight, mass = (
-        np.ascontiguousarray(column) for column in laws.reshape(-1, 4).T
-    )
+    # Two tissues in series; the helmet is hard.
+    regions = [
+        HARD if part.name == "helmet" else tissue.region_of(part.name, body.scale) for part in parts
+    ]
+    soft, thick = np.array(regions).reshape(-1, 2).T
+    stiffness = 1.0 / (1.0 / soft[first] + 1.0 / soft[second])
+    thickness = thick[first] + thick[second]
+    mass = 1.0 / (1.0 / masses[first] + 1.0 / masses[second])
+    straight = tissue.straight_share(stiffness, mass)
     return SelfContact(
         bodies, np.ascontiguousarray(ends[:, 0]), np.ascontiguousarray(ends[:, 1]), radius,
         semi_axes, reach, first, second, np.zeros(len(pairs)),
         stiffness, thickness, straight, mass, tissue.DAMPING, FRICTION, np.zeros((len(parts), 9)),
     )  # fmt: skip
-
-
-def _law(a: Part, b: Part, masses: np.ndarray, scale: float) -> tuple[float, float, float, float]:
-    """Stiffness, thickness and straight share of two tissues in series, and the mass they move."""
-    mass = float(1.0 / (1.0 / masses).sum())
-    second = tissue.region_of(b.name, scale)
-    both = second
-    if a.name != "helmet":  # which is hard
-        one = tissue.region_of(a.name, scale)
-        both = tissue.Region(
-            one.stiffness * second.stiffness / (one.stiffness + second.stiffness),
-            one.thickness + second.thickness,
-        )
-    return both.stiffness, both.thickness, tissue.straight_share(both, mass), mass
 
 
 def _parts(model: mujoco.MjModel, helmet: Helmet, scale: float) -> Iterator[Part]:

@@ -6,12 +6,9 @@ dynamic secant, it is divided by that.
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
-import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from helmet_sim_ros.biomech.record import FloatArray
 
@@ -59,28 +56,8 @@ def region_of(name: str, scale: float) -> Region:
     raise KeyError(name)
 
 
-def straight_share(region: Region, mass: float) -> float:
-    """Share of its thickness beyond which a tissue in front of ``mass`` [kg] hardens no more."""
+def straight_share(stiffness: FloatArray, mass: FloatArray) -> FloatArray:
+    """Share of its thickness beyond which a tissue of a stiffness [N/m] in front of a mass [kg]
+    hardens no more."""
     steepest = mass * (SHARE / RESOLVED) ** 2
-    return min(STRAIGHT, 1.0 - math.sqrt(min(1.0, region.stiffness / steepest)))
-
-
-def lightest_masses(
-    model: mujoco.MjModel, bodies: NDArray[np.int64], points: FloatArray
-) -> FloatArray:
-    """The least mass that a force at a point of a body moves, in any direction, at rest [kg].
-
-    Args:
-        bodies: (n,); ``points``: in the bodies' frames, (n, 3) [m].
-    """
-    data = mujoco.MjData(model)
-    data.qpos[7:] = model.qpos_spring[7:]
-    mujoco.mj_fwdPosition(model, data)
-    masses, jacobian = np.zeros(len(bodies)), np.zeros((3, model.nv))
-    moved = np.zeros_like(jacobian)
-    for i, (body, point) in enumerate(zip(bodies, points, strict=True)):
-        at = data.xpos[body] + data.xmat[body].reshape(3, 3) @ point
-        mujoco.mj_jac(model, data, jacobian, None, at, int(body))
-        mujoco.mj_solveM(model, data, moved, jacobian)
-        masses[i] = 1.0 / np.linalg.eigvalsh(jacobian @ moved.T).max()
-    return masses
+    return np.minimum(STRAIGHT, 1.0 - np.sqrt(np.minimum(1.0, stiffness / steepest)))
