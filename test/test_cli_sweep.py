@@ -183,4 +183,4 @@ def test_a_missing_extra_is_named(study, tmp_path, module):
         capture_output=True, timeout=60,
     )  # fmt: skip
     assert done.returncode == 1
-    assert "pip install helmet_sim_ros[study]" in done.stderr
+    assert "pip install 'helmet_sim_ros[study]'" in done.stderr
