@@ -40,7 +40,8 @@ from helmet_sim_ros.schema import leaves
 QUIET = 0.1
 PATIENCE = 3.0
 LONGEST = 60.0
-#: How long after its start this node may not yet know of an evaluator that runs [s].
+#: How long after its start, or after the last evaluator has gone, this node may not yet know of
+#: one that runs [s].
 DISCOVERY = 10.0
 #: How long an impact waits for its criteria after the evaluator was last heard [s].
 CRITERIA_TIMEOUT = 30.0
@@ -86,7 +87,7 @@ class RecorderNode(Node):
         # Criteria by impact; the evaluator may well be ahead of this node.
         self._criteria: OrderedDict[str, _Judged] = OrderedDict()
         self._digest = ""  # of the setup of the impact that is being written
-        self._started = self._judged_last = time.monotonic()
+        self._seen = self._judged_last = time.monotonic()
         self._heard = 0.0  # when samples last arrived, wall time
         self._root: Path | None = None  # where logs may go
         self._last: dict[str, Any] = {"impact_id": "", "path": "", "impacts": 0, "criteria": ""}
@@ -171,6 +172,8 @@ class RecorderNode(Node):
             self._failed(error)
 
     def _watch(self) -> None:
+        if self.count_publishers(CRITERIA_TOPIC):
+            self._seen = time.monotonic()
         try:
             if self._assembler.pending and not self.count_publishers(samples.TOPIC):
                 for impact in self._assembler.abandon("the simulation is gone"):
@@ -246,9 +249,11 @@ class RecorderNode(Node):
             digests = {judged.digest, awaiting.digest} - {""}
             foreign = awaiting.complete and len(digests) == 2
             return "those that came are of another setup" if foreign else ""
-        if now < self._started + DISCOVERY:  # an evaluator may not yet be discovered
+        if self.count_publishers(CRITERIA_TOPIC):
+            self._seen = now
+        elif now < self._seen + DISCOVERY:  # the first or the next may not yet be discovered
             return ""
-        if not self.count_publishers(CRITERIA_TOPIC):
+        else:
             return "no evaluator runs"
         if now > max(awaiting.since, self._judged_last) + CRITERIA_TIMEOUT:
             return f"the evaluator gave none within {CRITERIA_TIMEOUT:g} s"
