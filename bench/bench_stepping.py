@@ -2,10 +2,10 @@
 
     python bench/bench_stepping.py
 
-Prints the stepping loop over a bare ``mj_step`` loop on the same model and motion (without any
-of our forces), with a sample at every step and at every second one, and a whole impact (set-up,
-stepping, record, all criteria) over its stepping alone. CPU time of one process; median of
-interleaved rounds.
+Prints, for either form of the helmet, the stepping loop over a bare ``mj_step`` loop on the same
+model and motion (without any of our forces), the loop at several rates over both, and a whole
+impact (set-up, stepping, record, all criteria) over its stepping alone. CPU time of one process;
+median of interleaved rounds.
 """
 
 from __future__ import annotations
@@ -29,20 +29,30 @@ def cpu(action: object) -> float:
 
 
 def main() -> None:
-    for speed in (5.0, 6.0):  # the harder impact needs a smaller step
-        measure(ImpactSetup(normal_velocity=speed, tangential_velocity=5.0))
+    for form in ("spring", "foam"):
+        measure(form)
 
 
-def measure(setup: ImpactSetup) -> None:
-    """Print the ratios of one impact."""
-    first = Impact(setup)
-    first.advance(setup.samples)  # compile once
+def measure(form: str) -> None:
+    """Print the ratios of one impact on the side, of a helmet of this form."""
+    setup, coarse = (
+        ImpactSetup(
+            normal_velocity=7.5, tangential_velocity=5.0,
+            overrides={"helmet.coupling": form, "sim.rates": rates},
+        )
+        for rates in ("single", "several")
+    )  # fmt: skip
+    for kind in (setup, coarse):
+        first = Impact(kind)
+        first.advance(first.total)  # compile once
     substeps = round(setup.time_step / first.model.opt.timestep)
     steps = setup.samples * substeps
-    loop, bare, whole = [], [], []
+    loop, several, bare, whole = [], [], [], []
     for _ in range(ROUNDS):
         impact = Impact(setup)
         loop.append(cpu(lambda impact=impact: impact.advance(impact.total)))
+        other = Impact(coarse)
+        several.append(cpu(lambda impact=other: impact.advance(impact.total)))
 
         twin = Impact(setup)
         twin.advance(1)
@@ -52,9 +62,11 @@ def measure(setup: ImpactSetup) -> None:
         bare.append(cpu(lambda m=model, d=data: mujoco.mj_step(m, d, nstep=steps)))
 
         whole.append(cpu(lambda: evaluate(_simulated(setup))))
-    stepping, plain, total = (statistics.median(x) for x in (loop, bare, whole))
-    print(f"{setup.samples} samples, {substeps} integration steps each")
+    stepping, rates, plain, total = (statistics.median(x) for x in (loop, several, bare, whole))
+    print(f"{form}: {setup.samples} samples, {substeps} integration steps each")
     print(f"  stepping loop / bare mj_step           {stepping / plain:.3f}")
+    print(f"  several rates / bare mj_step           {rates / plain:.3f}")
+    print(f"  several rates / stepping loop          {rates / stepping:.3f}")
     print(f"  whole impact with evaluation / stepping {total / stepping:.3f}")
     print(f"  stepping of one impact                 {stepping * 1e3:.1f} ms CPU")
 

@@ -120,7 +120,7 @@ def test_a_sweep_that_is_ended_goes_on_where_it_was(study, tmp_path, signum, cod
     deadline = time.monotonic() + 60.0
     while len(list(rows.glob("*.parquet"))) < 2:
         assert process.poll() is None and time.monotonic() < deadline
-        time.sleep(0.02)
+        time.sleep(0.02)  # another process writes them: nothing tells of it
     process.send_signal(signum)
     output, _ = process.communicate(timeout=60)
     assert process.returncode == code, output

@@ -36,7 +36,7 @@ def until(condition, seconds: float = PATIENCE):
         found = condition()
         if found:
             return found
-        time.sleep(0.02)
+        time.sleep(0.02)  # a browser: nothing tells of what it has drawn
     raise AssertionError(f"not within {seconds:g} s: {condition}")
 
 

@@ -116,7 +116,7 @@ def meet(files, index):
     Path(f"there_{os.getpid()}").touch()
     deadline = time.monotonic() + 4.0
     while time.monotonic() < deadline and len(list(Path().glob("there_*"))) < 2:
-        time.sleep(0.02)
+        time.sleep(0.02)  # for the other process, which the lock must keep away
     save(files, index)
 Files._save_index = meet
 """

@@ -24,6 +24,7 @@ from helmet_sim_ros.cli._processes import (
 from helmet_sim_ros.errors import LogError, NodeError
 from helmet_sim_ros.mcap_log.digest import setup_digest
 from helmet_sim_ros.mcap_log.writer import PART
+from helmet_sim_ros.model.compiled import cache_folder
 from helmet_sim_ros.model.fall.setup import Fall
 from helmet_sim_ros.nodes.client import call, ros_client, wait_for_service
 from helmet_sim_ros.nodes.environment import prepare_environment
@@ -72,6 +73,8 @@ def command(
     console = Console(highlight=False)
     plan = load_scenario(scenario, overrides=parse_overrides(overrides))
     console.print(f"[bold]{plan.name}[/bold]: {counted(plan)}; starting the nodes")
+    if not any(cache_folder().rglob("*.nbi")):
+        console.print("the first run compiles the model: a minute or two without a sign of life")
     check_writable(output)
     from helmet_sim_ros.biomech.standards import DEFAULT_STANDARD, load_standard  # slow to import
 

@@ -20,6 +20,20 @@ _TEXTS = {f.name for f in fields(Criterion) if f.type in ("str", "Verdict")}
 _TEXTS |= {WHOLE + f.name for f in fields(Evaluation) if f.type == "str"} | {WHOLE + "verdict"}
 
 
+def first_status(array: Any, what: str) -> Any:
+    """The first status of a ``DiagnosticArray`` with ``what``, which holds what belongs to all.
+
+    Raises:
+        LogError: there is none, or it says why nothing could be evaluated.
+    """
+    if not array.status:
+        raise LogError(f"no {what} in this message")
+    first = array.status[0]
+    if first.name == NOT_EVALUATED:
+        raise LogError(first.message)
+    return first
+
+
 def evaluation_of(array: Any) -> tuple[str, Evaluation]:
     """Impact id and evaluation of a message with criteria.
 
@@ -29,11 +43,7 @@ def evaluation_of(array: Any) -> tuple[str, Evaluation]:
     Raises:
         LogError: the impact could not be evaluated (the reason), or not such a message.
     """
-    if not array.status:
-        raise LogError("no criteria in this message")
-    first = array.status[0]
-    if first.name == NOT_EVALUATED:
-        raise LogError(first.message)
+    first = first_status(array, "criteria")
     try:
         data: dict[str, Any] = {"criteria": {}}
         for status in array.status:

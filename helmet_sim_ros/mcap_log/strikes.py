@@ -10,7 +10,7 @@ from typing import Any
 
 from helmet_sim_ros.biomech.result import Evaluation
 from helmet_sim_ros.errors import LogError, PulseError
-from helmet_sim_ros.mcap_log.criteria import NOT_EVALUATED
+from helmet_sim_ros.mcap_log.criteria import first_status
 from helmet_sim_ros.mcap_log.digest import SETUP_DIGEST
 
 #: Name of the only status of a fall in which the head touched nothing, and what it says.
@@ -56,11 +56,7 @@ def strikes_of(array: Any) -> tuple[str, tuple[JudgedStrike, ...]]:
     Raises:
         LogError: the fall could not be judged (the reason), or not such a message.
     """
-    if not array.status:
-        raise LogError("no head strikes in this message")
-    first = array.status[0]
-    if first.name == NOT_EVALUATED:
-        raise LogError(first.message)
+    first = first_status(array, "head strikes")
     if first.name == NO_CONTACT:
         return first.hardware_id, ()
     try:

@@ -149,7 +149,7 @@ class Shared(FunctionCache):
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 break
             except BlockingIOError:
-                time.sleep(0.02)
+                time.sleep(0.02)  # flock has no time-out of its own
             except OSError:  # a file system without locks
                 break
         return file
