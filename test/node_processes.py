@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -27,6 +28,8 @@ from helmet_sim_ros.nodes.environment import prepare_environment
 from helmet_sim_ros.nodes.qos import CRITERIA, LATCHED
 
 DOMAIN = claim_domain()
+#: How long a node may take to end [s].
+ENDED = 20.0
 
 
 class Rig:
@@ -75,7 +78,13 @@ class Rig:
         # Before the others leave: Fast DDS may hang if it hears of them while it goes.
         self.node.destroy_node()
         rclpy.try_shutdown()
-        codes = {name: self.stop(name) for name in list(self.processes)}
+        codes, late = {}, []
+        for name in list(self.processes):  # each of them, whatever the others do
+            try:
+                codes[name] = self.stop(name)
+            except AssertionError as error:
+                late.append(str(error))
+        assert not late, "; ".join(late)
         if kind is None:
             assert set(codes.values()) <= {0}, codes
 
@@ -87,7 +96,7 @@ class Rig:
         flags = []
         for key, value in (values | parameters).items():
             flags += ["-p", f"{key.replace('__', '.')}:={value}"]
-        command = [sys.executable, "-m", f"helmet_sim_ros.nodes.{kind}_node"]
+        command = [sys.executable, "-X", "faulthandler", "-m", f"helmet_sim_ros.nodes.{kind}_node"]
         with open(self._said(name), "w") as file:
             self.processes[name] = subprocess.Popen(
                 [*command, "--ros-args", *flags, *arguments],
@@ -100,13 +109,19 @@ class Rig:
         return self.folder / f"{name}.txt"
 
     def stop(self, name: str, kind: signal.Signals = signal.SIGINT) -> int:
-        """End a node with a signal; its exit code."""
+        """End a node with a signal; its exit code. One that does not end must say where it is."""
         process = self.processes.pop(name)
         self.killed += [name] * (kind == signal.SIGKILL)
         if process.poll() is None:
             process.send_signal(kind)
         try:
-            process.wait(timeout=20)
+            process.wait(ENDED)
+        except subprocess.TimeoutExpired:
+            process.send_signal(signal.SIGABRT)  # Python writes the stacks of all its threads
+            with suppress(subprocess.TimeoutExpired):
+                process.wait(ENDED)
+            said = self._said(name).read_text()
+            raise AssertionError(f"{name} has not ended after {kind.name}: {said}") from None
         finally:
             process.kill()
         return process.returncode

@@ -37,6 +37,11 @@ def test_the_instant_ratio_ignores_the_first_and_last_touch() -> None:
     assert instant_force_ratio(force)[0] == pytest.approx(500 / 4000)
 
 
+def test_the_instant_ratio_begins_at_a_twentieth_of_the_peak_force() -> None:
+    force = ground([0, 199, 201, 4000, 0], [0, 190, 150, 500, 0])
+    assert instant_force_ratio(force) == (pytest.approx(150 / 201), 2)
+
+
 def test_the_impulse_ratio_counts_a_reversal() -> None:
     assert impulse_ratio(ground([0, 1, 1, 1, 1, 0], [0, 1, 1, 1, 1, 0])) == pytest.approx(1.0)
     assert impulse_ratio(ground([0, 1, 1, 1, 1, 0], [0, 1, 1, -1, -1, 0])) == pytest.approx(0.0)

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import shutil
+import signal
+import subprocess
+import sys
 import time
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 pytest.importorskip("rclpy", reason="logs for tests are written by the recorder's session")
 
+import node_processes
 from click.testing import CliRunner
 from logs import write_log
 
@@ -22,7 +27,7 @@ from bench.campaign.hostile_names import HostileNames
 from bench.campaign.mutated_tables import MutatedTables
 from bench.campaign.mutated_yaml import MutatedYaml
 from bench.campaign.parameter_sets import ParameterSets
-from bench.campaign.running import clock_jumps
+from bench.campaign.running import Rig, clock_jumps
 from bench.campaign.running.clock_jumps import ClockJumps
 from bench.campaign.running.concurrent_clients import ConcurrentClients
 from bench.campaign.running.on_nodes import Loss, compare_all, logged
@@ -87,6 +92,51 @@ def test_the_campaign_sees_foreign_errors_losses_hangs_and_memory(tmp_path: Path
     assert tally.slowest > LONGEST
     number, outcome = tally.bad[0]
     assert run_case(attack, 1, number)[0].verdict == outcome.verdict
+
+
+class Late(Broken):
+    """An attack that meets a loss, and whose nodes do not end then."""
+
+    def case(self, rng):
+        try:
+            raise Loss("a sample is gone")
+        except Loss:
+            raise AssertionError("evaluator has not ended") from None
+
+
+def test_what_came_first_is_told_beside_what_came_of_it(tmp_path: Path) -> None:
+    (_, outcome), *_ = run(Late(), 1, range(1), tmp_path / "attack").bad
+    assert "evaluator has not ended" in outcome.detail
+    assert outcome.detail.endswith("after Loss: a sample is gone")
+
+
+def deaf(rig: Rig, name: str) -> subprocess.Popen[bytes]:
+    """A process of a rig that ends by SIGKILL only."""
+    code = "import signal, time; signal.signal(2, signal.SIG_IGN); print(); time.sleep(600)"
+    with (rig.folder / f"{name}.txt").open("w") as said:
+        process = subprocess.Popen(
+            [sys.executable, "-X", "faulthandler", "-u", "-c", code],
+            stdout=subprocess.PIPE, stderr=said,
+        )  # fmt: skip
+    assert process.stdout is not None
+    process.stdout.readline()
+    rig.processes[name] = process
+    return process
+
+
+def test_nodes_that_do_not_end_are_ended_all_and_say_where_they_were(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(node_processes, "ENDED", 0.2)
+    rig = Rig(tmp_path)
+    rig.node = SimpleNamespace(destroy_node=lambda: None)
+    processes = [deaf(rig, "first"), deaf(rig, "second")]
+    with pytest.raises(AssertionError) as told:
+        rig.__exit__(None, None, None)
+    for name in ("first", "second"):
+        assert f"{name} has not ended after SIGINT" in str(told.value)
+    assert str(told.value).count('File "<string>", line 1') == 2
+    assert [process.wait(10) for process in processes] == [-signal.SIGABRT] * 2
 
 
 def test_the_command_prints_a_table_and_how_to_repeat_a_case() -> None:

@@ -105,7 +105,9 @@ def run_case(attack: Attack, seed: int, number: int) -> tuple[Outcome, float]:
     except Exception as error:  # that is what is looked for
         *_, where = traceback.extract_tb(error.__traceback__)
         place = f"{Path(where.filename).name} line {where.lineno}"
-        outcome = Outcome("failed", f"{type(error).__name__}: {error} ({place})")
+        first = error.__context__  # while it was handled, the other came on top
+        reason = f", after {type(first).__name__}: {first}" if first is not None else ""
+        outcome = Outcome("failed", f"{type(error).__name__}: {error} ({place}){reason}")
     spent, grown = time.process_time() - began, _most_memory() - memory
     # The first cases load code and fill caches.
     if attack.bounded and number > 0 and outcome.verdict != "failed":
