@@ -26,7 +26,13 @@ from helmet_sim_ros.biomech import (
     sfc,
     ubric,
 )
-from helmet_sim_ros.biomech.record import CHANNELS, same_samples
+from helmet_sim_ros.biomech.record import (
+    CHANNELS,
+    block_labels,
+    from_block,
+    same_samples,
+    to_block,
+)
 from helmet_sim_ros.errors import PulseError, SetupError
 from helmet_sim_ros.resources import share_directory
 
@@ -101,9 +107,26 @@ def test_an_evaluation_survives_json_and_pickle_bit_for_bit() -> None:
     assert pickle.loads(pickle.dumps(result)) == result
 
 
-def test_an_unknown_criterion_is_an_attribute_error_that_lists_the_known() -> None:
-    with pytest.raises(AttributeError, match="peak_g"):
-        _ = evaluate(drop_record()).peak_gee
+def test_an_unknown_criterion_is_an_attribute_error_that_names_the_nearest_or_all() -> None:
+    result = evaluate(drop_record())
+    with pytest.raises(AttributeError, match=r"'peak_gee'.*did you mean 'peak_g'\?$"):
+        _ = result.peak_gee
+    with pytest.raises(AttributeError, match=r"'zzz'; criteria: peak_g, .*hic"):
+        _ = result.zzz
+
+
+def test_a_block_gives_back_its_record_bit_for_bit() -> None:
+    turns = np.linspace(0.0, 0.3, 801)[:, None]
+    record = replace(
+        drop_record(), joint_names=("neck",), joint_positions=turns, joint_velocities=-turns
+    )
+    labels, block = block_labels(record.joint_names), to_block(record)
+    assert same_samples(from_block(labels, block), record)
+    kept = [i for i, label in enumerate(labels) if not label.startswith("ground_friction")]
+    older = from_block([labels[i] for i in kept], block[:, kept])  # all ground was flat then
+    assert same_samples(older, record)
+    with pytest.raises(PulseError, match=r"no column 'ground_force\.z'"):
+        from_block([label.replace("ground_force.z", "other") for label in labels], block)
 
 
 @pytest.mark.parametrize("data", [{}, {"standard": "x"}, [], None, {"criteria": 3}])

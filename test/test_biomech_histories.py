@@ -71,6 +71,13 @@ class TestTheRating:
         for totals in (shifted, scaled, shrunk):
             assert all(a > b for a, b in pairwise(totals)), totals
 
+    def test_where_the_reference_has_no_slope_there_may_be_none(self) -> None:
+        flat = np.array([0, 0, -1, 1] + 7 * [0] + [-1, 1] + 6 * [0], dtype=float)
+        sloping = flat + 0.1 * (np.arange(19) == 9)
+        assert best_shift(flat, sloping) == 0
+        assert rating(flat, flat).slope == 1.0
+        assert rating(flat, sloping).slope == 0.0
+
     def test_does_not_depend_on_the_unit(self) -> None:
         one, other = pulse(), pulse(0.003, 0.012, 170.0)
         assert rating(9.81 * one, 9.81 * other) == pytest.approx(rating(one, other), abs=1e-12)
