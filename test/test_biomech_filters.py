@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from helmet_sim_ros.biomech import SampleRateWarning, cfc, cfc_coefficients
+from helmet_sim_ros.biomech.filters import _design
 from helmet_sim_ros.errors import PulseError
 
 CLASSES = (60, 180, 600, 1000)
@@ -88,6 +89,13 @@ def test_a_constant_stays_and_a_step_at_the_edge_is_not_smeared(channel_class: i
     assert cfc(np.full(100, 7.0), channel_class, 5e-5) == pytest.approx(7.0, rel=1e-9)
     square = np.concatenate((np.full(2000, 50.0), np.zeros(2000)))
     assert cfc(square, channel_class, 5e-5)[:100] == pytest.approx(50.0, rel=1e-6)
+
+
+@pytest.mark.parametrize("channel_class", [60, 180, 600, 1000])
+def test_the_second_pass_begins_where_the_first_has_settled(channel_class: int) -> None:
+    design = _design(channel_class, 1e-5)
+    answer = np.abs(design.run(np.eye(1, 3 * design.tail, 1))[0])
+    assert 1e-12 < answer[1 + design.tail :].max() / answer.max() < 2e-12
 
 
 def test_time_reversed_is_reversed() -> None:
