@@ -92,6 +92,16 @@ def test_a_constant_stays_and_a_step_at_the_edge_is_not_smeared(channel_class: i
 
 
 @pytest.mark.parametrize("channel_class", [60, 180, 600, 1000])
+def test_the_corner_may_come_near_to_half_the_sampling_rate_but_not_to_it(
+    channel_class: int,
+) -> None:
+    limit = 1.0 / (2.0 * 2.0775 * channel_class)  # the time step where it is there
+    assert np.isfinite(cfc_coefficients(channel_class, limit * (1.0 - 1e-9))).all()
+    with pytest.raises(PulseError, match="too coarse"):
+        cfc_coefficients(channel_class, limit * (1.0 + 1e-9))
+
+
+@pytest.mark.parametrize("channel_class", [60, 180, 600, 1000])
 def test_the_second_pass_begins_where_the_first_has_settled(channel_class: int) -> None:
     design = _design(channel_class, 1e-5)
     answer = np.abs(design.run(np.eye(1, 3 * design.tail, 1))[0])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from test_biomech_evaluation import drop_record
 
@@ -111,6 +112,14 @@ def test_another_speed_than_the_standards_is_said() -> None:
 def test_a_limit_that_the_record_cannot_answer_is_an_error() -> None:
     with pytest.raises(PulseError, match=r"peak_g_cfc1000: fmvss_218 limits it.*too coarse"):
         evaluate(drop_record(step=5e-4), "fmvss_218")
+
+
+def test_samples_at_twice_the_corner_of_cfc_1000_give_no_filtered_criterion() -> None:
+    limit = 1.0 / (2.0 * 2.0775 * 1000.0)
+    for step in (limit, np.nextafter(limit, 1.0)):
+        result = evaluate(drop_record(step=step))
+        assert not [name for name in result.criteria if name.endswith("cfc1000")]
+    assert "peak_g_cfc1000" in evaluate(drop_record(step=0.999 * limit)).criteria
 
 
 def test_every_criterion_is_in_the_catalogue_with_its_unit() -> None:

@@ -47,7 +47,7 @@ def cfc_coefficients(channel_class: float, time_step: float) -> tuple[FloatArray
     """
     corner = 2.0 * math.pi * CORNER * positive("channel_class", channel_class, "Hz")
     half_turn = 0.5 * corner * positive("time_step", time_step)
-    if half_turn >= 0.5 * math.pi:
+    if is_too_coarse(channel_class, time_step):
         raise PulseError(
             f"time_step = {time_step:g} s: too coarse for CFC {channel_class:g}, whose corner is "
             "beyond half the sampling rate"
@@ -62,6 +62,11 @@ def cfc_coefficients(channel_class: float, time_step: float) -> tuple[FloatArray
     gain = w * w / scale
     feedback = [1.0, 2.0 * (w * w - 1.0) / scale, (1.0 - math.sqrt(2.0) * w + w * w) / scale]
     return np.array([gain, 2.0 * gain, gain]), np.array(feedback)
+
+
+def is_too_coarse(channel_class: float, time_step: float) -> bool:
+    """Whether the corner of one pass is at or beyond half the sampling rate: no such filter."""
+    return 2.0 * CORNER * channel_class * time_step >= 1.0
 
 
 def sample_rate_warning(channel_class: float, time_step: float) -> str:

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from helmet_sim_ros.biomech import catalogue, helmet, linear, rotation
-from helmet_sim_ros.biomech.filters import CORNER, filtered, sample_rate_warning
+from helmet_sim_ros.biomech.filters import filtered, is_too_coarse, sample_rate_warning
 from helmet_sim_ros.biomech.hic import Hic, maximum_window
 from helmet_sim_ros.biomech.pulse import (
     STANDARD_GRAVITY,
@@ -236,7 +236,7 @@ class FilteredSignals(Signals):
         self._raw = raw
 
     def _filtered(self, channel: FloatArray, channel_class: float) -> FloatArray:
-        if 2.0 * CORNER * 1000.0 * self.step >= 1.0:
+        if is_too_coarse(1000.0, self.step):
             raise NotGiven(
                 f"no CFC 1000 values: sampled at {1e-3 / self.step:.4g} kHz, which is too coarse"
             )
