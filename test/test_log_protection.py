@@ -248,14 +248,41 @@ def test_a_log_of_format_1_opens_and_says_what_is_not_covered(written, tmp_path:
         assert any("format 1" in text for text in saved.warnings)
 
 
-def test_a_log_of_a_later_format_is_refused_as_such(path: Path, tmp_path: Path) -> None:
-    def later(record):
+def test_a_log_of_format_2_is_sealed_as_one_of_today(written, tmp_path: Path) -> None:
+    def older(record):
         if isinstance(record, Channel):
-            record.metadata[FORMAT_KEY] = "4"
+            record.metadata[FORMAT_KEY] = "2"
+        if isinstance(record, Metadata) and record.name == "run":
+            record.metadata["format"] = "2"
         return record
 
-    with pytest.raises(LogError, match="log format 4; this program reads up to 3"):
-        open_log(rewritten(path, tmp_path / "a.mcap", later, seal=False))
+    path, records = written
+    old = rewritten(path, tmp_path / "old.mcap", older)
+    log = open_log(old)
+    assert log.run["format"] == "2" and not log.warnings
+    bad = changed(
+        old, tmp_path / "bad.mcap", b"start_time\x03\0\0\x001.1", b"start_time\x03\0\0\x001.3"
+    )
+    with pytest.raises(LogError, match="metadata impact/i0: damaged"):
+        open_log(bad)
+    result = recover(bad, tmp_path / "good.mcap")
+    assert any("metadata impact/i0" in text and "damaged" in text for text in result.lost)
+    log = open_log(result.path)
+    assert [impact.start_time for impact in log] == [FIRST_START, FIRST_START + SPACING]
+    for impact, record in zip(log, records, strict=True):
+        assert same_samples(impact.record, record)
+
+
+def test_a_log_of_a_later_format_is_refused_as_such(path: Path, tmp_path: Path) -> None:
+    for version in ("4", "999999"):
+
+        def later(record, version=version):
+            if isinstance(record, Channel):
+                record.metadata[FORMAT_KEY] = version
+            return record
+
+        with pytest.raises(LogError, match=f"log format {version}; this program reads up to 3"):
+            open_log(rewritten(path, tmp_path / "a.mcap", later, seal=False))
     for text in ("x", "9" * 400, "١"):
 
         def odd(record, text=text):
