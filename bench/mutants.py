@@ -32,9 +32,10 @@ PACKAGE = "helmet_sim_ros"
 TESTS = {
     "biomech/": ["test_biomech_*.py"],
     "mcap_log/": ["test_log_[bpw]*.py", "test_review_reading.py", "test_recover.py",
-                  "test_properties.py"],
+                  "test_properties.py", "test_log_falls.py"],
     "yaml_file.py": ["test_yaml_file.py", "test_properties.py"],
-    "schema.py": ["test_properties.py", "test_scenario.py", "test_biomech_standards.py"],
+    "schema.py": ["test_properties.py", "test_scenario.py", "test_biomech_standards.py",
+                  "test_nodes_parameters.py"],
     "errors.py": ["test_properties.py", "test_yaml_file.py", "test_scenario.py"],
     "model/fall/": ["test_fall*.py"],
     "model/": ["test_model_*.py", "test_scenario.py"],

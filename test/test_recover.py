@@ -138,6 +138,7 @@ def test_a_bag_that_was_cut_off_is_recovered_too(tmp_path):
     log = open_log(recover(file).path)
     assert 1 <= len(log) < 3
     assert all(same_samples(i.record, r) for i, r in zip(log, records, strict=False))
+    assert set(log.metadata) == {"recovered"}  # a bag has none for its impacts, and gets none
 
 
 def test_what_cannot_be_recovered_is_told_and_nothing_is_replaced(tmp_path):
