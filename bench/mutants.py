@@ -1,8 +1,8 @@
 """Would a test notice? Small changes of the code, one at a time, on a copy, against its tests.
 
-``python -m bench.mutants [--count 60] [--seed S] [--only biomech]`` prints each mutant that no test
-noticed, with file, line and change, then how many were killed. A survivor is either a gap in the
-tests or no change of behaviour (an equivalent mutant), which only a reader can tell.
+``python -m bench.mutants [--count 60] [--seed S] [--only biomech/]`` prints each mutant that no
+test noticed, with file, line and change, then how many were killed. A survivor is either a gap in
+the tests or no change of behaviour (an equivalent mutant), which only a reader can tell.
 
 Modules that machine code is built from take some minutes each to be compiled again; they are left
 out unless ``--compile`` is given.
@@ -222,11 +222,13 @@ def passes(root: Path, tests: list[str], timeout: float | None = None) -> bool:
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})
 @click.option("--count", default=60, show_default=True, type=click.IntRange(1))
 @click.option("--seed", default=1, show_default=True)
+@click.option("--skip", default=0, show_default=True, type=click.IntRange(0),
+              help="Leave out the first so many of those that are drawn.")  # fmt: skip
 @click.option("--compile", "compiles", is_flag=True,
               help="Also modules that machine code is built from.")  # fmt: skip
 @click.option("--only", multiple=True, metavar="PREFIX",
               help=f"Modules whose path in {PACKAGE}/ begins so, repeatable.")  # fmt: skip
-def main(count: int, seed: int, compiles: bool, only: tuple[str, ...]) -> None:
+def main(count: int, seed: int, skip: int, compiles: bool, only: tuple[str, ...]) -> None:
     """Mutate, test and count. Exit code 1: a mutant survived."""
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder)
@@ -240,11 +242,11 @@ def main(count: int, seed: int, compiles: bool, only: tuple[str, ...]) -> None:
         modules = [module for module in modules if module not in skipped]
         digest = source_digest(root / PACKAGE / "model")
         pool = [mutant for module in modules for mutant in mutants_of(root, module)]
-        chosen = random.Random(seed).sample(pool, min(count, len(pool)))
+        chosen = random.Random(seed).sample(pool, min(count, len(pool)))[skip:]
         click.echo(f"seed {seed}: {len(chosen)} of {len(pool)} mutants of {len(modules)} modules")
         usual: dict[frozenset[str], float] = {}
         survivors = []
-        for number, mutant in enumerate(chosen, 1):
+        for number, mutant in enumerate(chosen, skip + 1):
             tests = tests_of(root, mutant.module)
             group = frozenset(tests)  # each module has an order of its own
             if group not in usual:
@@ -262,7 +264,8 @@ def main(count: int, seed: int, compiles: bool, only: tuple[str, ...]) -> None:
                 click.echo(f"survived {number}: {words}")
             (root / mutant.module).write_text(original, encoding="utf-8")
     killed = len(chosen) - len(survivors)
-    click.echo(f"seed {seed}: {killed} of {len(chosen)} killed ({killed / len(chosen):.0%})")
+    share = killed / max(len(chosen), 1)
+    click.echo(f"seed {seed}: {killed} of {len(chosen)} killed ({share:.0%})")
     raise SystemExit(bool(survivors))
 
 

@@ -88,7 +88,8 @@ SERVICES = (
     ("simulation", "reset", "Trigger", "end it, and no longer paused; parameters and time stay"),
     ("evaluator", "last_result", "Trigger",
      "the last evaluation, or the last head strikes, as JSON"),
-    ("recorder", "finish", "Trigger", "close the log; the next impact begins another"),
+    ("recorder", "finish", "Trigger",
+     "close the log, or tell which one a limit has closed; the next impact begins another"),
     ("scenario", "run", "Trigger", "run the whole matrix; answers with the result as JSON"),
     ("scenario", "cancel", "Trigger", "end the running matrix"),
 )  # fmt: skip

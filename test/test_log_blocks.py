@@ -84,6 +84,17 @@ def test_an_aborted_impact_says_why() -> None:
     assert assembler.feed(blocks()[2]) == []  # told once
 
 
+def test_an_impact_whose_sender_is_gone_is_given_up_and_said_to_be() -> None:
+    assembler = Assembler()
+    assert assembler.abandon("the simulation is gone") == []  # none was under way
+    for block in blocks()[:2]:
+        assembler.feed(block)
+    (impact,) = assembler.abandon("the simulation is gone")
+    assert impact.problem == "incomplete: the simulation is gone (impact a-1, 8 of 40)"
+    assert impact.record is None and assembler.pending is None
+    assert assembler.abandon("the simulation is gone") == []  # told once
+
+
 def test_samples_that_are_not_uniform_in_time_are_refused() -> None:
     data = DATA.copy()
     data[20, 0] += 5e-5

@@ -425,6 +425,20 @@ def test_recovery_goes_on_behind_a_record_whose_length_is_damaged(written, tmp_p
     assert same_samples(log["i1"].record, records[1])
 
 
+def test_damage_at_the_end_of_the_data_reaches_to_the_end_that_the_index_knows(
+    path: Path, tmp_path: Path
+) -> None:
+    data = bytearray(path.read_bytes())
+    end = int.from_bytes(data[-28:-20], "little") - 13
+    with open(path, "rb") as stream:
+        offset = make_reader(stream).get_summary().chunk_indexes[-1].chunk_start_offset
+    data[offset + 3] ^= 0x40  # its length; nothing behind it looks like the begin of a record
+    bad = tmp_path / "bad.mcap"
+    bad.write_bytes(data)
+    said = f"chunk: {end - offset} bytes at offset {offset} are damaged"
+    assert any(text.startswith(said) for text in recover(bad).lost)
+
+
 def test_recovery_reads_what_a_damaged_message_index_would_reach_over(written, tmp_path) -> None:
     """A message index has no checksum; its length must not hide the chunk behind it."""
     path, records = written

@@ -267,6 +267,25 @@ def test_limits_and_names_split_logs_and_nothing_is_overwritten(rig: Rig, record
     assert not rig.call("recorder/finish").success
 
 
+def test_a_log_that_a_limit_has_closed_is_told_to_who_wants_it_finished(
+    rig: Rig, recorder: Path
+) -> None:
+    """A matrix was said to be incomplete if its last impact was the last that its log took."""
+    rig.until(lambda: "recorder" in rig.status)
+    assert rig.set("recorder", max_impacts=2) == ""
+    matrix = recorder.with_name("two.yaml")
+    matrix.write_text("common: {impact.rig: headform}\nproduct: {impact.normal_velocity: [3, 4]}\n")
+    rig.start("scenario", scenario__file=matrix)
+    answer = rig.call("scenario/run")
+    assert rig.stop("scenario") == 0
+    assert answer.success, answer.message
+    (path,) = recorder.iterdir()
+    assert json.loads(answer.message)["file"] == str(path)
+    assert len(open_log(path).impacts) == 2
+    assert not rig.call("recorder/finish").success  # told once
+    assert rig.set(**parameter_values(SETUP)) == ""
+
+
 def test_a_place_that_is_not_allowed_or_not_writable_is_refused_or_told(
     rig: Rig, recorder: Path
 ) -> None:

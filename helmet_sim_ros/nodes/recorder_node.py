@@ -91,6 +91,7 @@ class RecorderNode(Node):
         self._heard = 0.0  # when samples last arrived, wall time
         self._root: Path | None = None  # where logs may go
         self._last: dict[str, Any] = {"impact_id": "", "path": "", "impacts": 0, "criteria": ""}
+        self._untold = False  # a log has ended by itself, and no client has asked for it since
         self._settings = Parameters(
             self, leaves(RecorderConfig), self._configuration,
             refuse=self._busy_reason, changed=self._moved,
@@ -268,7 +269,7 @@ class RecorderNode(Node):
 
     @answering
     async def _finish(self, request: Any) -> str:
-        if self._session is None and not self._retired:
+        if self._session is None and not self._retired and not self._untold:
             raise NodeError("no log is open")
         began = self._heard = time.monotonic()
         while self._on_its_way() and time.monotonic() < began + LONGEST:
@@ -278,6 +279,7 @@ class RecorderNode(Node):
         except LogError as error:
             self._failed(error)
             raise
+        self._untold = False
         return json.dumps(self._last)
 
     def _on_its_way(self) -> bool:
@@ -308,6 +310,7 @@ class RecorderNode(Node):
     def _finished(self, session: LogSession) -> None:
         path = session.close()
         self._last |= {"path": str(path), "impacts": session.impacts}
+        self._untold = True
         self.get_logger().info(f"{path}: {session.impacts} impacts")
         self._tell("finished")
 
@@ -316,7 +319,7 @@ class RecorderNode(Node):
         self.get_logger().error(str(error))
         self._assembler.abandon(str(error))
         sessions = [*self._retired, *([self._session] if self._session else [])]
-        self._session, self._retired, self._awaiting = None, [], {}
+        self._session, self._retired, self._awaiting, self._untold = None, [], {}, False
         for session in sessions:
             try:
                 session.close()
