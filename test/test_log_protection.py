@@ -425,6 +425,15 @@ def test_recovery_goes_on_behind_a_record_whose_length_is_damaged(written, tmp_p
     assert same_samples(log["i1"].record, records[1])
 
 
+def test_damage_inside_a_record_reaches_to_its_end(path: Path, tmp_path: Path) -> None:
+    with open(path, "rb") as stream:
+        chunk = make_reader(stream).get_summary().chunk_indexes[1]
+    offset, length = chunk.chunk_start_offset, chunk.chunk_length
+    bad = damaged(path, tmp_path / "bad.mcap", offset + length // 2)
+    said = f"chunk: {length} bytes at offset {offset} are damaged"
+    assert any(text.startswith(said) for text in recover(bad).lost)
+
+
 def test_damage_at_the_end_of_the_data_reaches_to_the_end_that_the_index_knows(
     path: Path, tmp_path: Path
 ) -> None:
