@@ -217,9 +217,7 @@ class _Chunk(ChunkBuilder):
         self.message_indices.setdefault(message.channel_id, _Index(message.channel_id))
         super().add_message(message)
 
-    def add_rows(
-        self, times: NDArray[np.int64], messages: Mapping[int, NDArray[np.uint8]]
-    ) -> None:
+    def add_rows(self, times: NDArray[np.int64], messages: Mapping[int, NDArray[np.uint8]]) -> None:
         """Append messages by channel, see :meth:`LogWriter.write_rows`."""
         fields: list[Any] = []
         for channel, table in messages.items():

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import mujoco
 import numpy as np
 from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
-from scipy.spatial.transform import Rotation
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from helmet_sim_ros.biomech.record import FloatArray, ImpactRecord
-from helmet_sim_ros.model.arrows import _COLORS as COLORS
-from helmet_sim_ros.model.arrows import FORCES, force_arrows
+from helmet_sim_ros.biomech.rotation import matrices
+from helmet_sim_ros.model.arrows import COLORS, FORCES, force_arrows
 from helmet_sim_ros.model.fall.setup import Fall
 from helmet_sim_ros.model.scene import Scene
 from helmet_sim_ros.model.setup import ImpactSetup
@@ -66,22 +66,20 @@ class SceneMarkers:
         """The scene at one sample; the same object every time."""
         return self.filled(*self.values(record, index), time_ns)
 
-    def values(
-        self, record: ImpactRecord, index: int
-    ) -> tuple[FloatArray, tuple[bool, ...]]:
+    def values(self, record: ImpactRecord, index: int) -> tuple[FloatArray, tuple[bool, ...]]:
         """The numbers of the scene at one sample: position [m] and orientation x, y, z, w of every
         shape's marker, tail and tip of every arrow [m]; and which of the arrows are there."""
         if not self.scene.is_still:
             self._solids = self.scene.around(float(record.time[index]))
         around = [_place(solid, record.helmet_position[index]) for solid in self._solids]
-        turns = Rotation.from_matrix([solid.rotation for solid in self._solids]).as_quat()
+        turns = [_quaternion(solid.rotation) for solid in self._solids]
         positions, quaternions = self.scene.poses(record, index)
         positions = np.vstack([*around, positions])[self._owners]
         quaternions = np.vstack([turns, quaternions])[self._owners]
-        middles = positions + Rotation.from_quat(quaternions).apply(self._offsets)
+        turned = np.einsum("nij,nj->ni", matrices(quaternions), self._offsets)
         arrows = force_arrows(record, index)
         ends = [end for arrow in arrows for end in (arrow.tail, arrow.tip)]
-        values = np.concatenate([np.hstack([middles, quaternions]).ravel(), *ends])
+        values = np.concatenate([np.hstack([positions + turned, quaternions]).ravel(), *ends])
         return values, tuple(arrow.visible for arrow in arrows)
 
     def filled(self, values: FloatArray, visible: tuple[bool, ...], time_ns: int) -> MarkerArray:
@@ -101,6 +99,13 @@ class SceneMarkers:
         for marker in self._message.markers:
             marker.header.stamp = now
         return self._message
+
+
+def _quaternion(rotation: FloatArray) -> FloatArray:
+    """Quaternion x, y, z, w, (4,), of a rotation matrix, (3, 3)."""
+    quaternion = np.empty(4)
+    mujoco.mju_mat2Quat(quaternion, rotation.ravel())
+    return quaternion[[1, 2, 3, 0]]
 
 
 def _place(solid: Primitive, helmet: FloatArray) -> FloatArray:

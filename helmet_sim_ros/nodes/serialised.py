@@ -1,8 +1,8 @@
 """Samples and scenes as serialised messages, for the log.
 
-Every message of a channel is as long as the next, and only its stamps and its numbers change. So one
-is serialised by the middleware, with numbers that tell where each of them lies, and the others are
-copies of it with their own.
+Every message of a channel is as long as the next, and only its stamps and its numbers change. So
+one is serialised by the middleware, with numbers that tell where each of them lies, and the others
+are copies of it with their own.
 """
 
 from __future__ import annotations
