@@ -12,7 +12,7 @@ import numpy as np
 from mcap._chunk_builder import ChunkBuilder
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
-from mcap.records import Message, MessageIndex
+from mcap.records import Message
 from mcap.well_known import MessageEncoding, Profile, SchemaEncoding
 from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
@@ -60,11 +60,14 @@ class LogWriter:
             self._stream = open(self._part, "xb")  # noqa: SIM115 - closed by close()
         except OSError as error:
             raise LogError(f"{self._part}: cannot be created: {error.strerror}") from error
-        self._writer = Writer(self._stream, compression=CompressionType.ZSTD, enable_data_crcs=True)
-        for name in ("chunk_indices", "metadata_indexes", "attachment_indexes"):
-            setattr(self._writer, f"_Writer__{name}", _Packed())
+        self._writer: Any = Writer(
+            self._stream, compression=CompressionType.ZSTD, enable_data_crcs=True
+        )
         self._chunk = _Chunk()
-        self._writer._Writer__chunk_builder = self._chunk
+        indices = ("chunk_indices", "metadata_indexes", "attachment_indexes")
+        parts = {"chunk_builder": self._chunk} | {name: _Packed() for name in indices}
+        for name, part in parts.items():
+            setattr(self._writer, f"_Writer__{name}", part)
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
         self._guarded(self._writer.start, Profile.ROS2, library)
@@ -171,7 +174,7 @@ class LogWriter:
             LogError: the disk is full or gone; what could be written stays under ``.part``.
         """
         try:
-            self._writer.finish()  # type: ignore[no-untyped-call]
+            self._writer.finish()
             self._stream.flush()
             os.fsync(self._stream.fileno())
             self._check_present()
@@ -212,6 +215,8 @@ class _Chunk(ChunkBuilder):
     """A chunk that also takes many messages at once: one by one, each as an object, the library
     needs most of the time that recording takes."""
 
+    message_indices: dict[int, Any]
+
     def add_message(self, message: Message) -> None:
         """Append one message."""
         self.message_indices.setdefault(message.channel_id, _Index(message.channel_id))
@@ -222,9 +227,8 @@ class _Chunk(ChunkBuilder):
         fields: list[Any] = []
         for channel, table in messages.items():
             fields += [(f"head{channel}", _HEAD), (f"data{channel}", "u1", table.shape[1:])]
-        kind = np.dtype(fields)
-        rows = np.zeros(len(times), dtype=kind)
-        begins = self.count + np.arange(len(times)) * kind.itemsize
+        rows = np.zeros(len(times), dtype=fields)
+        places = self.count + np.arange(len(times)) * rows.itemsize
         for channel, table in messages.items():
             head = rows[f"head{channel}"]
             head["opcode"], head["channel"] = Opcode.MESSAGE, channel
@@ -232,7 +236,8 @@ class _Chunk(ChunkBuilder):
             head["log_time"] = head["publish_time"] = times
             rows[f"data{channel}"] = table
             index = self.message_indices.setdefault(channel, _Index(channel))
-            index.records.add(times, begins + kind.fields[f"head{channel}"][1])
+            index.records.add(times, places)
+            places = places + _HEAD.itemsize + table.shape[1]
         first, last = int(times[0]), int(times[-1])
         if self.num_messages:
             first = min(first, self.message_start_time)
@@ -242,31 +247,31 @@ class _Chunk(ChunkBuilder):
         self.record_writer.write(rows.tobytes())
 
 
-class _Index(MessageIndex):
-    """Where the messages of a channel are in a chunk."""
+class _Index:
+    """Where the messages of a channel are in a chunk; to the library its own ``MessageIndex``."""
 
     def __init__(self, channel: int) -> None:
-        super().__init__(channel, _Entries())
+        self._channel, self.records = channel, _Entries()
 
-    def write(self, stream: RecordBuilder) -> None:
+    def write(self, builder: Any) -> None:
         """Write the record."""
-        stream.start_record(Opcode.MESSAGE_INDEX)
-        stream.write2(self.channel_id)
-        stream.write4(len(self.records))
-        stream.write(self.records)
-        stream.finish_record()
+        builder.start_record(Opcode.MESSAGE_INDEX)
+        builder.write2(self._channel)
+        builder.write4(len(self.records))
+        builder.write(self.records)
+        builder.finish_record()
 
 
 class _Entries(bytearray):
-    """Times and offsets as the bytes that they become, not as objects."""
+    """Times and places as the bytes that they become, not as objects."""
 
     def append(self, entry: tuple[int, int]) -> None:  # type: ignore[override]
         """Take the time and offset of a message."""
         self += struct.pack("<QQ", *entry)
 
-    def add(self, times: NDArray[np.int64], offsets: NDArray[np.int64]) -> None:
+    def add(self, times: NDArray[np.int64], places: NDArray[np.int64]) -> None:
         """Take those of several."""
-        self += np.stack((times, offsets), axis=1).astype("<u8").tobytes()
+        self += np.stack((times, places), axis=1).astype("<u8").tobytes()
 
 
 class _Packed:

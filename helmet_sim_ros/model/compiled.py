@@ -22,7 +22,7 @@ from typing import Any, Literal, TextIO, TypeVar
 import numba
 import numba.core.config
 from numba.core.caching import CompileResultCacheImpl, FunctionCache
-from numba.core.runtime import rtsys
+from numba.core.runtime.nrt import rtsys
 
 #: Numba's settings; its stubs do not know them.
 config: Any = numba.core.config
@@ -142,8 +142,8 @@ class Shared(FunctionCache):
     def _on_disk(self, sig: Any, target_context: Any) -> Any:
         """As numba's own, without first making all known that can be compiled: machine code needs
         the functions that count references, and no more. Whoever compiles does so itself."""
-        rtsys.initialize(target_context)  # type: ignore[no-untyped-call]
-        with self._guard_against_spurious_io_errors():  # type: ignore[no-untyped-call]
+        rtsys.initialize(target_context)
+        with self._guard_against_spurious_io_errors():
             return self._load_overload(sig, target_context)  # type: ignore[no-untyped-call]
 
     def _locked(self, what: str) -> TextIO:

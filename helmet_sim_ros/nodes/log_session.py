@@ -124,16 +124,16 @@ class LogSession:
     def _add_samples(self, record: ImpactRecord, start_time: float) -> None:
         times, messages = serialised(record, start_time)
         topics = {self._topics[topic]: rows for topic, rows in messages.items()}
-        first = 0
+        first, scene = 0, self._scene
         for end, time_ns in enumerate(times.tolist(), 1):
-            drawn = self._scene is not None and time_ns >= self._drawn_next
+            drawn = scene is not None and time_ns >= self._drawn_next
             if drawn or end == len(times):
                 rows = {topic: rows[first:end] for topic, rows in topics.items()}
                 self._writer.write_rows(times[first:end], rows)
                 first = end
-            if drawn:
-                scene = self._scene.message(record, end - 1, time_ns)
-                self._writer.write(self._resolve("scene"), time_ns, scene)
+            if scene is not None and drawn:
+                shown = scene.message(record, end - 1, time_ns)
+                self._writer.write(self._resolve("scene"), time_ns, shown)
                 self._drawn_next = time_ns + SCENE_PERIOD_NS
         self.end_ns = int(times[-1])
 

@@ -104,7 +104,8 @@ def _template(channel: Channel, joints: tuple[str, ...], width: int) -> _Templat
 
 def _telling(count: int) -> FloatArray:
     """Numbers that occur nowhere else: roots that are not rational."""
-    return np.sqrt(np.arange(count) + 1.5)
+    roots: FloatArray = np.sqrt(np.arange(count) + 1.5)
+    return roots
 
 
 def _located(message: Any, telling: FloatArray, stamps: int = 1) -> _Template:
