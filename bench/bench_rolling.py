@@ -4,8 +4,8 @@
 
 A helmeted headform that sticks to a surface and gets nothing back along it leaves it rolling: about
 the touched point its angular momentum is kept, so it turns at m h v_t / (I + m h^2), with the mass
-m of head and helmet, their moment of inertia I about the axis that they turn about, and the height h
-of the head's centre of gravity over the surface, taken where it is least. Faster is what padding
+m of head and helmet, their moment of inertia I about the axis that they turn about, and the height
+h of the head's centre of gravity over the surface, taken where it is least. Faster is what padding
 and liner give back along the surface; slower is slip between surface, helmet and head.
 """
 
