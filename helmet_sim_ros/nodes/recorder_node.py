@@ -271,6 +271,7 @@ class RecorderNode(Node):
             raise NodeError("no log is open")
         began = self._heard = time.monotonic()
         taken = 0.0
+        await next_round(self)  # in the present one samples had their turn before this service
         while time.monotonic() < began + LONGEST:
             if self._on_its_way():
                 await wait(self, Future(), 0.01)
