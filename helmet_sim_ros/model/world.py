@@ -104,9 +104,15 @@ class World:
     notes: tuple[str, ...]
 
 
-def build(setup: ImpactSetup | Fall, helmet: Helmet) -> World:
+def build(setup: ImpactSetup | Fall, helmet: Helmet, dented: bool = False) -> World:
     """Compile the model of a setup and place it: at the first touch of the surface, or where a
-    fall starts."""
+    fall starts.
+
+    Args:
+        setup: of the impact or fall.
+        helmet: as it is simulated.
+        dented: whether earlier blows have crushed its liner.
+    """
     steps = substeps(setup, helmet)
     parts = _parts(
         setup.rig, setup.rider, helmet, setup.resolved_neck_flexion_deg,
@@ -120,7 +126,7 @@ def build(setup: ImpactSetup | Fall, helmet: Helmet) -> World:
     if isinstance(setup, Fall):
         start_fall(parts.model, data, contact, surface, setup)
     elif state is not None:
-        resume(parts.model, data, parts.layout, surface, setup, read_state(state))
+        notes = resume(parts.model, data, parts.layout, surface, setup, None if dented else helmet)
     else:
         notes = place(parts.model, data, contact, surface, setup, helmet)
         notes += _not_flat(setup, helmet)
