@@ -57,6 +57,7 @@ def test_a_log_has_its_name_only_when_it_is_complete(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [path]
     with open(path, "rb") as stream:
         reader = make_reader(stream, validate_crcs=True)
+        assert len(reader.get_summary().channels) == 1  # declared twice
         ((_, channel, message),) = reader.iter_messages()
         assert (channel.topic, message.log_time) == ("/words", 5)
         (run,) = reader.iter_metadata()
