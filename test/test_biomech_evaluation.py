@@ -115,6 +115,29 @@ def test_an_unknown_criterion_is_an_attribute_error_that_names_the_nearest_or_al
         _ = result.zzz
 
 
+def test_a_record_at_its_shortest_step_turns_evenly_between_its_samples() -> None:
+    record = drop_record(step=5e-3, duration=0.02)
+    half = np.array([0.0, 0.2, 0.4, 0.6, 0.8])  # rad
+    turned = np.stack((np.sin(half), 0 * half, 0 * half, np.cos(half)), axis=1)
+    time = np.array([0.0, 0.1, 0.2, 0.25, 0.3])
+    uniform = replace(record, time=time, head_orientation=turned).uniform()
+    assert uniform.time == pytest.approx(np.arange(7) * 0.05)
+    expected = np.array([0.0, 0.1, 0.2, 0.3, 0.4, 0.6, 0.8])
+    assert uniform.head_orientation[:, 0] == pytest.approx(np.sin(expected), abs=1e-12)
+    assert uniform.head_orientation[:, 3] == pytest.approx(np.cos(expected), abs=1e-12)
+
+
+def test_a_head_that_hardly_moves_says_nothing_about_the_unit_of_its_acceleration() -> None:
+    record = drop_record(peak_g=0.05)  # changes its velocity by 3 mm/s
+    for factor in (G, 1.0 / G):
+        changed = replace(record, head_acceleration=record.head_acceleration * factor)
+        assert evaluate(changed).peak_g.value == pytest.approx(0.05 * factor)
+    record = drop_record(peak_g=200.0)
+    for factor in (G, 1.0 / G):
+        with pytest.raises(PulseError, match=r"9\.81"):
+            evaluate(replace(record, head_acceleration=record.head_acceleration * factor))
+
+
 def test_a_block_gives_back_its_record_bit_for_bit() -> None:
     turns = np.linspace(0.0, 0.3, 801)[:, None]
     record = replace(
