@@ -59,6 +59,10 @@ class TestAHalfSine:
         assert result.value == pytest.approx(exact, rel=5 * (step / LENGTH) ** 2)
 
 
+def test_the_clip_of_less_than_a_step_at_the_begin_of_a_record_is_exact() -> None:
+    assert biomech.clip([10.0, 0.0, 0.0, 0.0], 1e-3, 0.5e-3) == (5.0, 0.0, 0.5e-3)
+
+
 def test_the_clip_needs_an_unbroken_interval() -> None:
     """Two peaks of 2 ms each: 4 ms above 100 g in all, but none of 3 ms."""
     values = np.zeros(400)

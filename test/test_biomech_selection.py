@@ -103,6 +103,7 @@ def test_one_text_is_not_taken_for_names() -> None:
 
 def test_a_dwell_time_above_any_level_can_be_asked_for(full: Evaluation) -> None:
     found = evaluate(RECORD, criteria=["dwell_120g", "dwell_120g_cfc1000", "dwell_150g"])
+    assert evaluate(RECORD, criteria=["dwell_1g"]).dwell_1g.value > found.dwell_120g.value
     assert found.dwell_150g == full.dwell_150g
     assert found.dwell_120g.value > found.dwell_150g.value > 0.0
     assert found.dwell_120g_cfc1000.value == pytest.approx(found.dwell_120g.value, rel=1e-3)
