@@ -19,8 +19,8 @@ from helmet_sim_ros.errors import DivergedError, StudyError
 from helmet_sim_ros.mcap_log.strikes import NOTHING
 from helmet_sim_ros.model.fall.setup import Fall
 from helmet_sim_ros.model.fall.strikes import HeadStrikes, Strike, head_strikes
-from helmet_sim_ros.model.impact import simulate
 from helmet_sim_ros.model.setup import ImpactSetup
+from helmet_sim_ros.model.simulate import simulate
 from helmet_sim_ros.report.falls.tables import FallResult
 
 #: Slower strikes are left out of the log of strikes [m/s into what is struck]; a choice.
