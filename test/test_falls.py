@@ -177,6 +177,38 @@ def test_a_faster_strike_is_harder():
     assert peak(simulate(faster)) > 1.05 * peak(simulate(setup))
 
 
+@pytest.mark.parametrize(("preset", "scene"), [("bicycle", "road"), ("pedestrian", "car")])
+def test_a_larger_helmet_meets_what_it_strikes_earlier_and_does_not_start_in_it(preset, scene):
+    worst = fallen(preset, scene)[2].worst
+    setup, state = worst.setup(), worst.state
+    own = simulate(setup)
+    size = np.array(setup.helmet_config.shell.semi_axes)
+    for thicker in (0.004, 0.012):
+        larger = ImpactSetup(**{
+            **setup.model_dump(),
+            "overrides": {
+                **setup.overrides,
+                "helmet.liner.thickness": setup.helmet_config.liner.thickness + thicker,
+                "helmet.shell.semi_axes": tuple(size + thicker),
+            },
+        })  # fmt: skip
+        record = simulate(larger)
+        force = np.linalg.norm(record.ground_force, axis=1)
+        assert force[0] < 0.02 * force.max()
+        assert peak(record) == pytest.approx(peak(own), rel=0.4)
+        (note,) = (n for n in record.extras["notes"] if "reaches" in n)
+        reach = float(note.partition(" mm farther")[0].rpartition(" ")[2])
+        assert reach == pytest.approx(thicker * 1e3, abs=0.2)
+        # Straight back along the head's motion over what it strikes.
+        way = record.head_position[0] - state.position
+        assert way @ state.normal == pytest.approx(thicker, rel=0.1)
+        along = own.head_velocity[0] - record.head_velocity[0]
+        assert np.linalg.norm(along) < 0.05
+    slow = larger.model_copy(update={"normal_velocity": 0.02, "duration": 0.002})
+    (note,) = (n for n in simulate(slow).extras["notes"] if "reaches" in n)
+    assert "farther away" in note
+
+
 def test_a_state_leaves_no_room_for_another_pose():
     state = list(fallen()[2].worst.state.numbers())
     with pytest.raises(SetupError, match=r"body_angle_deg = 20\.0: has no effect"):

@@ -12,7 +12,7 @@ from helmet_sim_ros import Fall, head_strikes, simulate
 from helmet_sim_ros.cli import main
 from helmet_sim_ros.errors import SetupError
 from helmet_sim_ros.report.falls.page import falls_page
-from helmet_sim_ros.report.falls.tables import FallResult, to_csv, to_scenario
+from helmet_sim_ros.report.falls.tables import SLOWEST, FallResult, to_csv, to_scenario
 from helmet_sim_ros.study import load_scenario
 from helmet_sim_ros.study.falls.measures import STRIKE_MEASURES, judge_fall
 from helmet_sim_ros.study.falls.summary import summarise, zone_of
@@ -56,6 +56,27 @@ def test_a_study_of_falls_has_columns_for_strikes(tmp_path):
     assert summary.falls == 2 and summary.struck == sum(n > 0 for n in table["strikes"])
 
 
+def test_a_sweep_writes_the_strikes_of_falls_at_even_steps_through_the_ranks(tmp_path):
+    path, out = tmp_path / "few.yaml", tmp_path / "out"
+    speeds = [8.0, 3.0, 5.0, 6.0]
+    text = {"common": FALL, "product": {"fall.speed": speeds}, "criteria": ["strikes", "peak_g"]}
+    path.write_text(yaml.safe_dump(text), encoding="utf-8")
+    done = CliRunner().invoke(
+        main, ["sweep", str(path), "--output", str(out), "--workers", "0", "--strikes", "2"]
+    )
+    assert done.exit_code == 0, done.output
+    found = sweep(load_study(str(path)), out, workers=0)
+    ranked = sorted(range(4), key=lambda i: -found.table["peak_g"][i].as_py())
+    rows = [row.index for row in found.spread(2)]
+    assert rows == sorted((ranked[1], ranked[3])) and len(found.spread(9)) == 4
+    names = {case.name.partition(",")[0] for case in load_scenario(str(out / "strikes.yaml")).cases}
+    assert names == {f"few-{i:06d}" for i in rows}
+    impacts = tmp_path / "impacts.yaml"
+    impacts.write_text("cases: [{impact.direction: top}]", encoding="utf-8")
+    refused = CliRunner().invoke(main, ["sweep", str(impacts), "--strikes", "2"])
+    assert refused.exit_code == 2 and "goes with a study of falls" in refused.output
+
+
 def test_measures_of_strikes_are_refused_for_impacts(tmp_path):
     path = tmp_path / "impacts.yaml"
     text = {"common": {"impact.normal_velocity": 5.0}, "cases": [{"rider.height": 1.7}],
@@ -90,7 +111,8 @@ def test_strikes_become_a_scenario_of_impacts(result, tmp_path):
     path = tmp_path / "strikes.yaml"
     path.write_text(to_scenario([result]), encoding="utf-8")
     setups = load_scenario(str(path)).setups
-    wanted = [s for s in result.strikes if s.normal_velocity > 0.0]
+    wanted = [s for s in result.strikes if s.normal_velocity >= SLOWEST]
+    assert wanted
     assert [s.normal_velocity for s in setups] == [s.normal_velocity for s in wanted]
     assert setups[0].described() == wanted[0].setup().described()
 

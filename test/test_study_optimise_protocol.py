@@ -1,4 +1,4 @@
-"""Optimisation with a protocol as its impacts."""
+"""Optimisation with a protocol, or a scenario, as its impacts."""
 
 from __future__ import annotations
 
@@ -79,3 +79,28 @@ def test_what_cannot_be_searched_is_refused(study: Path, old: str, new: str, mes
         path.write_text(path.read_text().replace(old, new))
     with pytest.raises(SetupError, match=message):
         load_optimisation(study)
+
+
+def test_a_search_takes_the_impacts_of_a_scenario(study: Path, tmp_path: Path) -> None:
+    """The head strikes of falls are such a scenario; ``common`` replaces its values."""
+    impacts = tmp_path / "strikes.yaml"
+    impacts.write_text(
+        "common: {impact.rig: headform, helmet: bicycle, helmet.liner.density: 60.0}\n"
+        "cases: [{name: a, impact.normal_velocity: 3.0}, {name: b, impact.normal_velocity: 4.0}]\n"
+    )
+    text = STUDY.replace("constraints: [{of: protocol_margin, at_least: 0.05}]\n", "")
+    text = text.replace("name: fullface, coupling: foam", "liner.density: 70.0")
+    study.write_text(text.replace("protocol: %s", f"scenario: {impacts}"))
+    plan = load_optimisation(study)
+    assert [row.values["impact.normal_velocity"] for row in plan.impacts.rows()] == [3.0, 4.0]
+    assert plan.reference.liner.density == 70.0 and plan.reference.mass == 0.28
+    for old, new, message in (
+        (str(impacts), "falls_motorcycle", "is a fall; a search needs impacts"),
+        (str(impacts), "nowhere", "scenario = 'nowhere': must be one of"),
+        ("scenario: ", "cases: [{impact.direction: top}]\nscenario: ", "beside scenario"),
+        ("scenario: ", "protocol: ece_r22_06\nscenario: ", "beside protocol"),
+    ):
+        other = tmp_path / "other.yaml"
+        other.write_text(study.read_text().replace(old, new))
+        with pytest.raises(SetupError, match=message):
+            load_optimisation(other)

@@ -15,16 +15,15 @@ from rich.text import Text
 
 from helmet_sim_ros.cli._progress import shown_progress
 from helmet_sim_ros.cli._table import VERDICT_STYLE
-from helmet_sim_ros.errors import DivergedError, StudyError
+from helmet_sim_ros.errors import DivergedError, LogError, StudyError
 from helmet_sim_ros.mcap_log.strikes import NOTHING
-from helmet_sim_ros.model.fall.setup import Fall
+from helmet_sim_ros.model.fall.setup import Fall, setup_or_fall
 from helmet_sim_ros.model.fall.strikes import HeadStrikes, Strike, head_strikes
 from helmet_sim_ros.model.setup import ImpactSetup
 from helmet_sim_ros.model.simulate import simulate
-from helmet_sim_ros.report.falls.tables import FallResult
+from helmet_sim_ros.report.falls.tables import FallResult, impacts_of, to_scenario
+from helmet_sim_ros.study.sweeps.sweep import SweepResult
 
-#: Slower strikes are left out of the log of strikes [m/s into what is struck]; a choice.
-LOGGED = 0.5
 #: Criteria in the table.
 SHOWN = ("peak_g", "hic", "bric", "peak_angular_acceleration")
 #: Columns behind the name, and whether they stand on the right.
@@ -131,10 +130,7 @@ def write_results(
 
 def _log(results: Sequence[FallResult], folder: Path, console: Console, name: str) -> Path | None:
     """Log every strike as the impact that it is, simulated alone; None: nothing to log."""
-    wanted = [
-        (f"{result.name}-{number}", strike) for result in results
-        for number, strike in enumerate(result.strikes, 1) if strike.normal_velocity > LOGGED
-    ]  # fmt: skip
+    wanted = [(f"{fall}-{number}", strike) for fall, number, strike in impacts_of(results)]
     if not wanted:
         return None
     try:
@@ -152,6 +148,28 @@ def _log(results: Sequence[FallResult], folder: Path, console: Console, name: st
     except DivergedError as error:
         raise StudyError(f"a strike diverged when it was simulated alone: {error.time}") from None
     return path
+
+
+def write_strikes(result: SweepResult, count: int, console: Console) -> None:
+    """Simulate falls of a sweep once more, and write their head strikes as a scenario.
+
+    Raises:
+        LogError: it cannot be written.
+    """
+    cases = [
+        (f"{result.study.name}-{row.index:06d}", setup_or_fall(row.values))
+        for row in result.spread(count)
+    ]
+    again, _ = run_falls([(name, fall) for name, fall in cases if isinstance(fall, Fall)], console)
+    scenario, path = to_scenario(again), result.folder / "strikes.yaml"
+    if scenario is None:
+        console.print("no head strike is an impact: no strikes.yaml")
+        return
+    try:
+        path.write_text(scenario, encoding="utf-8")
+    except OSError as error:
+        raise LogError(f"{path}: cannot be written: {error.strerror}") from error
+    console.print(f"strikes: {path}", soft_wrap=True, markup=False)
 
 
 def to_the_peak(strike: Strike) -> ImpactSetup:

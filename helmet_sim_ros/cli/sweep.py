@@ -24,6 +24,9 @@ from helmet_sim_ros.errors import StudyError
 @click.option("--override", "-o", "overrides", multiple=True, metavar="KEY=VALUE",
               help="Replace a value in every impact, e.g. impact.friction=0.3.")  # fmt: skip
 @click.option("--retry-failed", is_flag=True, help="Compute failed rows again.")
+@click.option("--strikes", type=click.IntRange(1), metavar="N",
+              help="Of a study of falls: write the head strikes of N falls, spread evenly over the "
+              "ranks of peak g, as a scenario strikes.yaml.")  # fmt: skip
 def command(
     study: str,
     output: Path | None,
@@ -31,6 +34,7 @@ def command(
     scheduler: str | None,
     overrides: tuple[str, ...],
     retry_failed: bool,
+    strikes: int | None,
 ) -> None:
     """Compute every impact of STUDY, a name in config/studies or a path to a YAML file.
 
@@ -46,6 +50,8 @@ def command(
         raise click.UsageError("--workers and --scheduler exclude each other")
     console = Console(highlight=False)
     plan = load_study(study, **parse_overrides(overrides))
+    if strikes is not None and not {"strikes", "peak_g"} <= set(plan.criteria):
+        raise click.UsageError("--strikes goes with a study of falls that has peak_g")
     console.print(f"[bold]{plan.name}[/bold]: {len(plan)} impacts")
     try:
         with shown_progress(console, "impacts") as progress:
@@ -58,6 +64,10 @@ def command(
             "interrupted; every finished row is kept, the same command goes on from there"
         ) from None
     report(result, console)
+    if strikes is not None:
+        from helmet_sim_ros.cli._falls import write_strikes
+
+        write_strikes(result, strikes, console)
     if plan.file.histories is not None:
         try:
             from helmet_sim_ros.cli._histories import write_histories

@@ -75,7 +75,7 @@ class Impact:
             helmet = on_its_surface(setup, helmet)
         self.helmet = helmet
         self.total = setup.samples
-        world = build(setup, helmet)
+        world = build(setup, helmet, crush is not None)
         parts, data = world.parts, world.data
         self.notes, self.surface, self.contact = world.notes, world.surface, world.contact
         self.neck = parts.neck

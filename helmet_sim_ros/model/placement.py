@@ -17,12 +17,13 @@ from helmet_sim_ros.model.force.contact import Contact
 from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.layout import Layout
 from helmet_sim_ros.model.setup import ImpactSetup
-from helmet_sim_ros.model.state import State
+from helmet_sim_ros.model.state import State, read_state
 from helmet_sim_ros.model.surface.compiled import Surface
 from helmet_sim_ros.model.surface.shapes import nearest, tangent
 
 LIFTS = 100  # steps along the target's normal until nothing overlaps
 OVERLAP = 1e-9  # m, that is left
+EARLIEST = 0.05  # s, a state is taken back by at most, on straight lines
 
 
 def place(
@@ -68,20 +69,28 @@ def resume(
     layout: Layout,
     surface: Surface,
     setup: ImpactSetup,
-    state: State,
-) -> None:
-    """Set pose and velocities of a state; the whole rider is sped up or slowed down alike so that
-    the head has the setup's normal and tangential speed over the struck shape.
+    helmet: Helmet | None,
+) -> tuple[str, ...]:
+    """Set pose and velocities of a setup's state; the whole rider is sped up or slowed down alike
+    so that the head has the setup's normal and tangential speed over the struck shape.
+
+    A helmet that would lie in what it strikes, being larger than the one that the state was taken
+    with, meets it earlier: the rider is taken back along his motion until it touches.
 
     Args:
         model, data, layout: see :func:`place`; qpos and qvel of ``data`` are set.
         surface: as it is at the state's time.
-        setup: of the impact.
-        state: of the rider.
+        setup: of the impact, with a state.
+        helmet: as it is simulated; None: it keeps its place, as one that is dented already must.
+
+    Returns:
+        What a user should know about the pose, in words.
 
     Raises:
         SetupError: a state of another body.
     """
+    assert setup.state is not None
+    state = read_state(setup.state)
     if len(state.joint_positions) != len(layout.joints):
         raise SetupError.of(
             "impact.state", f"{len(state.joint_positions)} joint coordinates",
@@ -109,6 +118,52 @@ def resume(
     if slide >= 0:
         data.qvel[slide : slide + 3] = state.shell_rate
     move_head(model, data, velocity, state.angular_velocity)
+    if helmet is None:
+        return ()
+    notes = _take_back(model, data, surface.velocity[struck], setup, helmet, state)
+    if notes:
+        move_head(model, data, velocity, state.angular_velocity)
+    return notes
+
+
+def _take_back(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    carried: FloatArray,
+    setup: ImpactSetup,
+    helmet: Helmet,
+    state: State,
+) -> tuple[str, ...]:
+    """Go back in time until the helmet does not reach behind the struck point any more, seen from
+    the struck shape, which moves with ``carried`` [m/s]; where that is long ago, away from it."""
+    worn = data.body("head" if helmet.coupling == "none" else "helmet")
+
+    def depth() -> float:
+        turn = worn.xmat.reshape(3, 3)
+        touch = worn.xpos + turn @ first_touch(helmet, turn.T @ -state.normal)
+        return float((state.point - touch) @ state.normal)
+
+    mujoco.mj_kinematics(model, data)
+    first, earlier, lifted = depth(), 0.0, 0.0
+    while (deep := depth()) > OVERLAP:
+        back = max(deep / setup.normal_velocity, 1e-6)
+        if earlier + back <= EARLIEST:
+            earlier += back
+            mujoco.mj_integratePos(model, data.qpos, data.qvel, -back)
+            data.qpos[:3] += back * carried
+        else:  # so slow that straight lines would lead nowhere
+            lifted += deep
+            data.qpos[:3] += deep * state.normal
+        mujoco.mj_kinematics(model, data)
+    if first <= OVERLAP:
+        return ()
+    how = f"{earlier * 1e3:.2f} ms earlier" if earlier else ""
+    how += " and " if earlier and lifted else ""
+    how += f"{lifted * 1e3:.1f} mm farther away" if lifted else ""
+    return (
+        f"the helmet reaches {first * 1e3:.1f} mm farther than the one that the state was taken "
+        f"with: it starts {how}",
+    )
 
 
 def _put_on(qpos: FloatArray, layout: Layout, state: State) -> None:

@@ -127,9 +127,14 @@ class World:
     notes: tuple[str, ...]
 
 
-def build(setup: ImpactSetup | FallValues, helmet: Helmet) -> World:
+def build(setup: ImpactSetup | FallValues, helmet: Helmet, dented: bool = False) -> World:
     """Compile the model of a setup and place it: at the first touch of the surface, or where a
     fall starts.
+
+    Args:
+        setup: of the impact or fall.
+        helmet: as it is simulated.
+        dented: whether earlier blows have crushed its liner.
 
     Raises:
         SetupError: a rider who starts inside something, or cannot be placed on the surface.
@@ -148,7 +153,7 @@ def build(setup: ImpactSetup | FallValues, helmet: Helmet) -> World:
     if isinstance(setup, FallValues):
         start_fall(parts.model, data, contact, surface, setup)
     elif state is not None:
-        resume(parts.model, data, parts.layout, surface, setup, read_state(state))
+        notes = resume(parts.model, data, parts.layout, surface, setup, None if dented else helmet)
     else:
         notes = place(parts.model, data, contact, surface, setup, helmet)
         notes += _not_flat(setup, helmet)

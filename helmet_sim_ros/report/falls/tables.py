@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import yaml
 
-from helmet_sim_ros.errors import SetupError
 from helmet_sim_ros.model.fall.setup import Fall
-from helmet_sim_ros.model.fall.strikes import COLUMNS, HeadStrikes
+from helmet_sim_ros.model.fall.strikes import COLUMNS, HeadStrikes, Strike
 
+#: Slower strikes make no impact [m/s into what is struck]; a choice.
+SLOWEST = 0.5
 #: Criteria in the table of strikes.
 CRITERIA = ("peak_g", "hic", "bric", "peak_angular_acceleration", "peak_angular_velocity")
 
@@ -39,27 +40,24 @@ def to_csv(results: Sequence[FallResult]) -> str:
     return text.getvalue()
 
 
-def to_scenario(results: Sequence[FallResult], at_least: float = 0.0) -> str | None:
-    """A scenario file whose cases are the strikes as impacts; None: there is none.
+def impacts_of(results: Sequence[FallResult]) -> Iterator[tuple[str, int, Strike]]:
+    """The strikes that are impacts: name of the fall, number of the strike, the strike.
 
-    Left out are strikes that are no impacts (the head's centre does not move towards what it
-    touches), and slower ones.
-
-    Args:
-        results: falls.
-        at_least: normal speed of a strike [m/s].
+    Left out are those in which the head's centre hardly moves towards what it touches.
     """
-    cases = []
     for result in results:
         for number, strike in enumerate(result.strikes, 1):
-            if strike.normal_velocity < at_least:
-                continue
-            try:
-                described = strike.setup().described()
-            except SetupError:
-                continue
-            told = {k: v for k, v in described.items() if v is not None and k not in NOT_CHOSEN}
-            cases.append({"name": f"{result.name}, strike {number}"} | told)
+            if strike.normal_velocity >= SLOWEST:
+                yield result.name, number, strike
+
+
+def to_scenario(results: Sequence[FallResult]) -> str | None:
+    """A scenario file whose cases are the strikes as impacts; None: there is none."""
+    cases = []
+    for name, number, strike in impacts_of(results):
+        described = strike.setup().described()
+        told = {k: v for k, v in described.items() if v is not None and k not in NOT_CHOSEN}
+        cases.append({"name": f"{name}, strike {number}"} | told)
     if not cases:
         return None
     common = {k: v for k, v in cases[0].items() if all(case.get(k) == v for case in cases)}

@@ -16,6 +16,7 @@ from pydantic import Field, model_validator
 from helmet_sim_ros.biomech.catalogue import entry
 from helmet_sim_ros.biomech.standards import load_standard
 from helmet_sim_ros.errors import PulseError, SetupError
+from helmet_sim_ros.model.fall.setup import Fall
 from helmet_sim_ros.model.helmet import Helmet, load_helmet
 from helmet_sim_ros.resources import find_config
 from helmet_sim_ros.schema import Config, Leaf, leaves, quantity
@@ -28,7 +29,7 @@ from helmet_sim_ros.study.optimisation.design import (
     DesignRules,
     make_design,
 )
-from helmet_sim_ros.study.scenario.matrix import flatten
+from helmet_sim_ros.study.scenario.matrix import flatten, load_scenario
 from helmet_sim_ros.study.sweeps.sampling import unit_points
 from helmet_sim_ros.study.sweeps.study import Study, StudyFile, build_study, digest, value_leaves
 from helmet_sim_ros.yaml_file import read_yaml
@@ -103,15 +104,20 @@ class OptimisationFile(StudyFile):
     """What an optimisation file holds.
 
     The impacts of every design are given as in a study (``common``, ``cases``, ``product``,
-    ``draw``), or are those of a ``protocol``; its helmet is the reference. ``variables`` are values
-    of the helmet with the range to search. A response is a criterion over the impacts (``worst
-    peak_g``, ``mean hic``, ``p95 bric``), a quantity of the design (``helmet_mass``,
-    ``liner_mass``, ``max_thickness``, ``max_density``), or ``protocol_margin``: the least of
-    1 - value / limit over all limits of the protocol.
+    ``draw``), or are those of a ``protocol`` or a ``scenario``; its helmet is the reference.
+    ``variables`` are values of the helmet with the range to search. A response is a criterion over
+    the impacts (``worst peak_g``, ``mean hic``, ``p95 bric``), a quantity of the design
+    (``helmet_mass``, ``liner_mass``, ``max_thickness``, ``max_density``), or ``protocol_margin``:
+    the least of 1 - value / limit over all limits of the protocol.
     """
 
     protocol: str | None = Field(
         None, description="impacts of a protocol: name in config/protocols, or path"
+    )
+    scenario: str | None = Field(
+        None,
+        description="impacts of a scenario, the head strikes of falls for example: name in "
+        "config/scenarios, or path; common replaces its values",
     )
     variables: dict[str, tuple[float, float]] = Field(
         description="helmet.* name -> lowest and highest value"
@@ -144,11 +150,15 @@ class OptimisationFile(StudyFile):
         for key in ("criteria", "percentiles", "histories"):
             if getattr(self, key):
                 raise SetupError.of(key, getattr(self, key), "goes with sweeps")
-        for key in ("cases", "product") if self.protocol is not None else ():
-            if getattr(self, key):
-                raise SetupError.of(
-                    key, getattr(self, key), "must not be given beside protocol, which has impacts"
-                )
+        for source, others in (
+            ("protocol", ("scenario", "cases", "product")), ("scenario", ("cases", "product")),
+        ):  # fmt: skip
+            for key in others if getattr(self, source) is not None else ():
+                if getattr(self, key):
+                    raise SetupError.of(
+                        key, getattr(self, key),
+                        f"must not be given beside {source}, which has impacts",
+                    )  # fmt: skip
         for key in ("variables", "objectives"):
             if not getattr(self, key):
                 raise SetupError.of(key, getattr(self, key), "must hold at least one")
@@ -290,6 +300,8 @@ def load_optimisation(name_or_path: str | Path, **overrides: object) -> Optimisa
     limits: tuple[Mapping[str, float], ...] = ()
     if file.protocol is not None:
         file, limits = _with_protocol(file, file.protocol, path, overrides)
+    if file.scenario is not None:
+        file = _with_scenario(file, file.scenario, path)
     impacts = build_study(file, path, overrides)
     try:
         plan = _plan(file, path, impacts, limits)
@@ -321,6 +333,22 @@ def _with_protocol(
     )
     cases = tuple(dict(hit.values) for hit in hits)
     return file.model_copy(update={"cases": cases, "common": {}}), limits
+
+
+def _with_scenario(file: OptimisationFile, name: str, path: Path) -> OptimisationFile:
+    """The file with the scenario's impacts as its cases."""
+    common = flatten(file.common, f"{path}: common")
+    cases = load_scenario(name).cases
+    for case in cases:
+        if isinstance(case.setup, Fall):
+            raise SetupError.of(
+                "scenario", name,
+                f"{case.name} is a fall; a search needs impacts: 'helmet-sim fall --output' and "
+                "'run' write those of its head strikes into strikes.yaml",
+                str(path),
+            )  # fmt: skip
+    values = tuple({**case.values, **common} for case in cases)
+    return file.model_copy(update={"cases": values, "common": {}})
 
 
 def _plan(

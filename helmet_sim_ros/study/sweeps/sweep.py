@@ -46,6 +46,13 @@ class SweepResult:
         order = sorted((i for i, v in enumerate(values) if v is not None), key=lambda i: -values[i])
         return [self.study.row(i) for i in order[:count]]
 
+    def spread(self, count: int, criterion: str = "peak_g") -> list[Row]:
+        """Rows at even steps through the ranks of a criterion, failed ones left out: as the whole
+        study is distributed, in the order of the study."""
+        ranked = self.worst(criterion)
+        taken = {int((k + 0.5) * len(ranked) / count) for k in range(count)} if ranked else ()
+        return sorted((ranked[i] for i in taken), key=lambda row: row.index)
+
 
 def sweep(
     study: Study | str | Path,
