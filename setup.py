@@ -131,7 +131,7 @@ setup(
         "click>=8.1",
         "llvmlite",
         "lz4",
-        "mcap>=1.2",
+        "mcap>=1.5",
         "mujoco>=4,<5",
         "numba>=0.62",
         "numpy>=1.26",

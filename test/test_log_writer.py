@@ -6,6 +6,7 @@ import resource
 from datetime import UTC, datetime
 from pathlib import Path
 
+import numpy as np
 import pytest
 from mcap.reader import make_reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
@@ -61,6 +62,38 @@ def test_a_log_has_its_name_only_when_it_is_complete(tmp_path: Path) -> None:
         (run,) = reader.iter_metadata()
         assert unsealed("run", run.metadata) == {"a": "b", "library": "helmet_sim_ros"}
         assert [item.data for item in reader.iter_attachments()] == [b"hello"]
+
+
+def test_rows_of_messages_are_written_as_messages_one_by_one_are(tmp_path: Path) -> None:
+    """Byte for byte, statistics and indices included, also beside single messages."""
+    times = np.arange(40, 90, 10)
+    tables = {
+        topic: np.random.default_rng(size).integers(0, 256, (len(times), size), dtype=np.uint8)
+        for topic, size in (("/words", 9), ("/numbers", 24))
+    }
+    paths = [tmp_path / "rows.mcap", tmp_path / "single.mcap"]
+    for path in paths:
+        writer = LogWriter(path)
+        for topic in tables:
+            writer.add_channel(topic, STRING, "[]")
+        writer.write("/words", 50, b"before")
+        if path.stem == "rows":
+            writer.write_rows(times[:3], {topic: rows[:3] for topic, rows in tables.items()})
+            writer.flush()
+            writer.write_rows(times[3:], {topic: rows[3:] for topic, rows in tables.items()})
+        else:
+            for i, time in enumerate(times.tolist()):
+                for topic, rows in tables.items():
+                    writer.write(topic, time, rows[i].tobytes())
+                if i == 2:
+                    writer.flush()
+        writer.write("/numbers", 30, b"after")
+        writer.close()
+    rows, single = (path.read_bytes() for path in paths)
+    assert rows == single
+    with open(paths[0], "rb") as stream:
+        messages = list(make_reader(stream, validate_crcs=True).iter_messages())
+    assert len(messages) == 2 + 2 * len(times)
 
 
 def test_an_existing_log_is_never_replaced(tmp_path: Path) -> None:

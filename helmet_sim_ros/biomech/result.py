@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from helmet_sim_ros.errors import PulseError, did_you_mean
@@ -101,7 +101,7 @@ class Evaluation:
 
     def as_dict(self) -> dict[str, Any]:
         """Plain JSON types; see ``config/evaluation.schema.json``."""
-        criteria = {name: asdict(criterion) for name, criterion in self.criteria.items()}
+        criteria = {name: dict(vars(criterion)) for name, criterion in self.criteria.items()}
         for entry in criteria.values():
             entry["window"] = None if entry["window"] is None else list(entry["window"])
         return {

@@ -15,6 +15,7 @@ from typing import Any
 import click
 
 from helmet_sim_ros.errors import HelmetSimError, LogError, PulseError, SetupError
+from helmet_sim_ros.lasting import lasting
 
 #: Errors of what the user gave, as opposed to what went wrong with it: exit code 2.
 BAD_INPUT = (SetupError, PulseError, LogError)
@@ -36,7 +37,8 @@ class Verbs(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in self.list_commands(ctx):
             return None
-        module = import_module(f"{__name__}.{cmd_name}")
+        with lasting():
+            module = import_module(f"{__name__}.{cmd_name}")
         command: click.Command = module.command
         command.name = cmd_name
         return command

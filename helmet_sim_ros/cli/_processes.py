@@ -20,6 +20,7 @@ from typing import Any, Protocol
 import yaml
 
 from helmet_sim_ros.errors import NodeError
+from helmet_sim_ros.lasting import lasting
 
 NODES = ("simulation", "evaluator", "recorder", "scenario")
 
@@ -78,7 +79,8 @@ def start_nodes(
     """
     if not one_process:
         return NodeProcesses(parameters, remaps, quiet)
-    from helmet_sim_ros.nodes.one_process import OneProcess
+    with lasting():
+        from helmet_sim_ros.nodes.one_process import OneProcess
 
     return OneProcess(parameters, remaps, quiet)
 

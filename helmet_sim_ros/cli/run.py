@@ -203,7 +203,6 @@ def check_alone(node: Any) -> None:
 
 def report(result: dict[str, Any], console: Console, all_criteria: bool, seconds: float) -> None:
     """Print the tables, what failed and why, and where the log is."""
-    from helmet_sim_ros.cli._falls import strike_rows, strikes_table
     from helmet_sim_ros.cli._table import criteria_table, result_table
 
     rows = result["cases"]
@@ -212,6 +211,8 @@ def report(result: dict[str, Any], console: Console, all_criteria: bool, seconds
     if impacts:
         console.print(result_table(impacts, result["scenario"]))
     if falls:
+        from helmet_sim_ros.cli._falls import strike_rows, strikes_table
+
         console.print(strikes_table([(row["name"], strike_rows(row["strikes"])) for row in falls]))
     if any(row.get("reference") for row in rows):
         console.print(f"Published values: {result['reference']}", style="dim", markup=False)

@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import os
+import struct
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from mcap._chunk_builder import ChunkBuilder
 from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import Message
 from mcap.well_known import MessageEncoding, Profile, SchemaEncoding
 from mcap.writer import CompressionType, Writer
+from numpy.typing import NDArray
 
 from helmet_sim_ros.errors import LogError
 from helmet_sim_ros.mcap_log.layout import FORMAT_KEY, FORMAT_VERSION, RUN
@@ -18,6 +24,16 @@ from helmet_sim_ros.mcap_log.seal import sealed
 
 #: Suffix of a log that is still being written, or that was never finished.
 PART = ".part"
+
+#: What stands before the data of a message in a chunk (MCAP specification, "Message").
+_HEAD = np.dtype(
+    [
+        ("opcode", "u1"), ("length", "<u8"), ("channel", "<u2"), ("sequence", "<u4"),
+        ("log_time", "<u8"), ("publish_time", "<u8"),
+    ]
+)  # fmt: skip
+#: Bytes of it that do not count into the length.
+_UNCOUNTED = 9
 
 
 class LogWriter:
@@ -44,9 +60,14 @@ class LogWriter:
             self._stream = open(self._part, "xb")  # noqa: SIM115 - closed by close()
         except OSError as error:
             raise LogError(f"{self._part}: cannot be created: {error.strerror}") from error
-        self._writer = Writer(self._stream, compression=CompressionType.ZSTD, enable_data_crcs=True)
-        for name in ("chunk_indices", "metadata_indexes", "attachment_indexes"):
-            setattr(self._writer, f"_Writer__{name}", _Packed())
+        self._writer: Any = Writer(
+            self._stream, compression=CompressionType.ZSTD, enable_data_crcs=True
+        )
+        self._chunk = _Chunk()
+        indices = ("chunk_indices", "metadata_indexes", "attachment_indexes")
+        parts = {"chunk_builder": self._chunk} | {name: _Packed() for name in indices}
+        for name, part in parts.items():
+            setattr(self._writer, f"_Writer__{name}", part)
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
         self._guarded(self._writer.start, Profile.ROS2, library)
@@ -87,6 +108,28 @@ class LogWriter:
             self._writer.add_message(self._channels[topic], time_ns, data, time_ns)
         except OSError as error:
             raise self._failed(error) from error
+
+    def write_rows(
+        self, times: NDArray[np.int64], messages: Mapping[str, NDArray[np.uint8]]
+    ) -> None:
+        """Append a message of each of several topics at every one of some simulation times.
+
+        Args:
+            times: ascending, (n,) [ns].
+            messages: topic -> its serialised messages, all of one length: (n, length) bytes.
+        """
+        by_channel = {self._channels[topic]: table for topic, table in messages.items()}
+        self._chunk.add_rows(times, by_channel)
+        counts = self._writer._Writer__statistics
+        first, last = int(times[0]), int(times[-1])
+        if counts.message_count:
+            first = min(first, counts.message_start_time)
+        counts.message_start_time = first
+        counts.message_end_time = max(last, counts.message_end_time)
+        counts.message_count += len(times) * len(messages)
+        for channel in by_channel:
+            counts.channel_message_counts[channel] += len(times)
+        self._guarded(self._writer._Writer__maybe_finalize_chunk)
 
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Append a named metadata record, sealed; all messages so far stand before it in the file.
@@ -131,7 +174,7 @@ class LogWriter:
             LogError: the disk is full or gone; what could be written stays under ``.part``.
         """
         try:
-            self._writer.finish()  # type: ignore[no-untyped-call]
+            self._writer.finish()
             self._stream.flush()
             os.fsync(self._stream.fileno())
             self._check_present()
@@ -166,6 +209,69 @@ class LogWriter:
 
     def _failed(self, error: OSError) -> LogError:
         return LogError(f"{self._part}: cannot be written: {error.strerror or error}")
+
+
+class _Chunk(ChunkBuilder):
+    """A chunk that also takes many messages at once: one by one, each as an object, the library
+    needs most of the time that recording takes."""
+
+    message_indices: dict[int, Any]
+
+    def add_message(self, message: Message) -> None:
+        """Append one message."""
+        self.message_indices.setdefault(message.channel_id, _Index(message.channel_id))
+        super().add_message(message)
+
+    def add_rows(self, times: NDArray[np.int64], messages: Mapping[int, NDArray[np.uint8]]) -> None:
+        """Append messages by channel, see :meth:`LogWriter.write_rows`."""
+        fields: list[Any] = []
+        for channel, table in messages.items():
+            fields += [(f"head{channel}", _HEAD), (f"data{channel}", "u1", table.shape[1:])]
+        rows = np.zeros(len(times), dtype=fields)
+        places = self.count + np.arange(len(times)) * rows.itemsize
+        for channel, table in messages.items():
+            head = rows[f"head{channel}"]
+            head["opcode"], head["channel"] = Opcode.MESSAGE, channel
+            head["length"] = _HEAD.itemsize - _UNCOUNTED + table.shape[1]
+            head["log_time"] = head["publish_time"] = times
+            rows[f"data{channel}"] = table
+            index = self.message_indices.setdefault(channel, _Index(channel))
+            index.records.add(times, places)
+            places = places + _HEAD.itemsize + table.shape[1]
+        first, last = int(times[0]), int(times[-1])
+        if self.num_messages:
+            first = min(first, self.message_start_time)
+        self.message_start_time = first
+        self.message_end_time = max(last, self.message_end_time)
+        self.num_messages += rows.size * len(messages)
+        self.record_writer.write(rows.tobytes())
+
+
+class _Index:
+    """Where the messages of a channel are in a chunk; to the library its own ``MessageIndex``."""
+
+    def __init__(self, channel: int) -> None:
+        self._channel, self.records = channel, _Entries()
+
+    def write(self, builder: Any) -> None:
+        """Write the record."""
+        builder.start_record(Opcode.MESSAGE_INDEX)
+        builder.write2(self._channel)
+        builder.write4(len(self.records))
+        builder.write(self.records)
+        builder.finish_record()
+
+
+class _Entries(bytearray):
+    """Times and places as the bytes that they become, not as objects."""
+
+    def append(self, entry: tuple[int, int]) -> None:  # type: ignore[override]
+        """Take the time and offset of a message."""
+        self += struct.pack("<QQ", *entry)
+
+    def add(self, times: NDArray[np.int64], places: NDArray[np.int64]) -> None:
+        """Take those of several."""
+        self += np.stack((times, places), axis=1).astype("<u8").tobytes()
 
 
 class _Packed:

@@ -17,6 +17,8 @@ SMALLEST_FORCE = 50.0
 
 #: Names of the arrows.
 FORCES = ("normal", "friction")
+#: Their colours: red, green, blue, opacity.
+COLORS = {"normal": (0.80, 0.15, 0.15, 1.0), "friction": (0.95, 0.60, 0.10, 1.0)}
 
 
 @dataclass(frozen=True)
@@ -42,17 +44,14 @@ class Arrow:
         return length >= SMALLEST_FORCE * LENGTH_PER_FORCE
 
 
-_COLORS = {"normal": (0.80, 0.15, 0.15, 1.0), "friction": (0.95, 0.60, 0.10, 1.0)}
-
-
 def force_arrows(record: ImpactRecord, index: int) -> tuple[Arrow, Arrow]:
     """Normal and tangential force of the surface at one sample, at their point of attack."""
     tangential = record.ground_friction[index]
     normal = record.ground_force[index] - tangential
     tail = point_of_attack(record, index)
     return (
-        Arrow("normal", tail, tail + LENGTH_PER_FORCE * normal, _COLORS["normal"]),
-        Arrow("friction", tail, tail + LENGTH_PER_FORCE * tangential, _COLORS["friction"]),
+        Arrow("normal", tail, tail + LENGTH_PER_FORCE * normal, COLORS["normal"]),
+        Arrow("friction", tail, tail + LENGTH_PER_FORCE * tangential, COLORS["friction"]),
     )
 
 

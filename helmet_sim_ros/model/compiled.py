@@ -22,6 +22,7 @@ from typing import Any, Literal, TextIO, TypeVar
 import numba
 import numba.core.config
 from numba.core.caching import CompileResultCacheImpl, FunctionCache
+from numba.core.runtime.nrt import rtsys
 
 #: Numba's settings; its stubs do not know them.
 config: Any = numba.core.config
@@ -123,10 +124,10 @@ class Shared(FunctionCache):
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """What is on disk. If there is nothing, this process compiles it, or waits until another
         has done so."""
-        found = super().load_overload(sig, target_context)  # type: ignore[no-untyped-call]
+        found = self._on_disk(sig, target_context)
         if found is None and sig not in self._compiling:
             self._compiling[sig] = self._locked(hashlib.sha256(str(sig).encode()).hexdigest()[:16])
-            found = super().load_overload(sig, target_context)  # type: ignore[no-untyped-call]
+            found = self._on_disk(sig, target_context)
             if found is not None:
                 self._compiling.pop(sig).close()
         return found
@@ -137,6 +138,13 @@ class Shared(FunctionCache):
             super().save_overload(sig, data)  # type: ignore[no-untyped-call]
         if sig in self._compiling:
             self._compiling.pop(sig).close()
+
+    def _on_disk(self, sig: Any, target_context: Any) -> Any:
+        """As numba's own, without first making all known that can be compiled: machine code needs
+        the functions that count references, and no more. Whoever compiles does so itself."""
+        rtsys.initialize(target_context)
+        with self._guard_against_spurious_io_errors():
+            return self._load_overload(sig, target_context)  # type: ignore[no-untyped-call]
 
     def _locked(self, what: str) -> TextIO:
         """An open file whose lock this process has until it is closed."""

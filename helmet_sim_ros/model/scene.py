@@ -8,7 +8,6 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from helmet_sim_ros.biomech.record import FloatArray, ImpactRecord
 from helmet_sim_ros.model.fall.setup import Fall
@@ -122,18 +121,19 @@ class Scene:
     def pose(self, record: ImpactRecord, index: int) -> None:
         """Put ``data`` into the pose of one sample of a record of this setup."""
         qpos, model = self.data.qpos, self.model
-        # All of the helmet's motion on the head in the joints of its fit.
-        head = Rotation.from_quat(record.head_orientation[index]).inv()
-        turn = head * Rotation.from_quat(record.helmet_orientation[index])
+        turn = record.head_orientation[index][[3, 0, 1, 2]]
         first = self._layout.fit
-        if first >= 0:
+        if first >= 0:  # all of the helmet's motion on the head in the joints of its fit
             away = record.helmet_position[index] - record.head_position[index]
-            qpos[first : first + 3] = head.apply(away)
-            qpos[first + 3 : first + 7] = turn.as_quat()[[3, 0, 1, 2]]
+            back = np.empty(4)
+            mujoco.mju_negQuat(back, turn)
+            mujoco.mju_rotVecQuat(qpos[first : first + 3], away, back)
+            helmet = record.helmet_orientation[index][[3, 0, 1, 2]]
+            mujoco.mju_mulQuat(qpos[first + 3 : first + 7], back, helmet)
         joints, positions = named_today(record.joint_names, record.joint_positions[index])
         self._layout.pose(qpos, joints, positions)
         rotation = np.empty(9)
-        mujoco.mju_quat2Mat(rotation, record.head_orientation[index][[3, 0, 1, 2]])
+        mujoco.mju_quat2Mat(rotation, turn)
         place_head(model, self.data, record.head_position[index], rotation.reshape(3, 3))
 
     def poses(self, record: ImpactRecord, index: int) -> tuple[FloatArray, FloatArray]:

@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import AccelStamped, PoseStamped, TwistStamped, WrenchStamped
-from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import Imu, JointState
 
 from helmet_sim_ros.biomech.record import FloatArray, ImpactRecord
+from helmet_sim_ros.biomech.rotation import turned_back
 
 Row = list[float]
 
@@ -105,14 +105,14 @@ def _imu_values(record: ImpactRecord) -> FloatArray:
 
     Specific force is the inertial acceleration less gravity: +g upwards at rest, 0 in free fall.
     """
-    into_head = Rotation.from_quat(record.head_orientation).inv()
+    turn = record.head_orientation
     amount = record.setup.get("impact.gravity", record.setup.get("fall.gravity"))
     gravity = np.array([0.0, 0.0, -float(amount)])
     return np.hstack(
         [
-            into_head.apply(record.head_acceleration - gravity),
-            into_head.apply(record.head_angular_velocity),
-            record.head_orientation,
+            turned_back(record.head_acceleration - gravity, turn),
+            turned_back(record.head_angular_velocity, turn),
+            turn,
         ]
     )
 

@@ -98,8 +98,8 @@ class EvaluatorNode(Node):
             SETUP_DIGEST: digest,
             "start_time": impact.start_time,
             "problem": problem,
-            "evaluation": result.as_dict() if result else None,
-            "strikes": None if strikes is None else [strike.as_dict() for strike in strikes],
+            "evaluation": result,
+            "strikes": strikes,
         }
         await self._outgoing[STRIKES if is_fall(impact.setup) else TOPIC].send(array)
 
@@ -123,7 +123,7 @@ class EvaluatorNode(Node):
     def _last_result(self, request: Any) -> str:
         if self._last is None:
             raise NodeError("no impact has been seen yet")
-        text = json.dumps(self._last)
+        text = json.dumps(self._last, default=lambda found: found.as_dict())
         if self._last["problem"]:
             raise NodeError(text)
         return text

@@ -28,7 +28,7 @@ from helmet_sim_ros.nodes.conversion import CHANNELS, nanoseconds
 from helmet_sim_ros.nodes.qos import CLOCK, CRITERIA, LIVE, SAMPLES_WRITER, as_yaml
 from helmet_sim_ros.nodes.recorder_config import RecorderConfig
 from helmet_sim_ros.nodes.scene_markers import SceneMarkers
-from helmet_sim_ros.nodes.serialised import CLOCK_TOPIC, serialised
+from helmet_sim_ros.nodes.serialised import CLOCK_TOPIC, SerialisedScene, serialised
 from helmet_sim_ros.resources import is_path
 
 #: The scene is drawn once per so much simulation time [ns]; it follows from the other channels.
@@ -69,7 +69,7 @@ class LogSession:
         self._models: dict[str, str] = {}
         self._attached: set[str] = set()
         self._first: Block | None = None
-        self._scene: SceneMarkers | None = None
+        self._scene: SerialisedScene | None = None
         self._drawn_next = 0  # ns
         topics = (*(channel.topic for channel in CHANNELS), CLOCK_TOPIC)
         self._topics = {topic: resolve(topic) for topic in topics}
@@ -108,7 +108,7 @@ class LogSession:
             self._scene, self._drawn_next = None, 0
             try:
                 setup = setup_or_fall(block.setup)
-                self._scene = SceneMarkers(setup)
+                self._scene = SerialisedScene(SceneMarkers(setup))
                 self._attach_files(setup.helmet_config)
             except SetupError as error:  # a helmet that this node may not or cannot open
                 self._warn(
@@ -122,15 +122,20 @@ class LogSession:
         self._writer.write(self._resolve(samples.TOPIC), self.end_ns, serialized)
 
     def _add_samples(self, record: ImpactRecord, start_time: float) -> None:
-        write, scene = self._writer.write, self._resolve("scene")
-        for i, (time_ns, filled) in enumerate(serialised(record, start_time)):
-            for topic, message in filled.items():
-                write(self._topics[topic], time_ns, message)
-            if self._scene is not None and time_ns >= self._drawn_next:
-                markers = self._scene.message(record, i, time_ns)
-                write(scene, time_ns, serialize_message(markers))
+        times, messages = serialised(record, start_time)
+        topics = {self._topics[topic]: rows for topic, rows in messages.items()}
+        first, scene = 0, self._scene
+        for end, time_ns in enumerate(times.tolist(), 1):
+            drawn = scene is not None and time_ns >= self._drawn_next
+            if drawn or end == len(times):
+                rows = {topic: rows[first:end] for topic, rows in topics.items()}
+                self._writer.write_rows(times[first:end], rows)
+                first = end
+            if scene is not None and drawn:
+                shown = scene.message(record, end - 1, time_ns)
+                self._writer.write(self._resolve("scene"), time_ns, shown)
                 self._drawn_next = time_ns + SCENE_PERIOD_NS
-            self.end_ns = time_ns
+        self.end_ns = int(times[-1])
 
     def end_impact(self, impact: Assembled) -> None:
         """Note what became of an impact, and make sure that it survives a crash from here on."""

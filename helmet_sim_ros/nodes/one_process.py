@@ -23,6 +23,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from helmet_sim_ros.errors import HelmetSimError, NodeError, SetupError
+from helmet_sim_ros.lasting import lasting
 from helmet_sim_ros.nodes.environment import prepare_environment
 from helmet_sim_ros.nodes.parameters import CONFIG_PATHS
 from helmet_sim_ros.nodes.process import LEAVING, TEARDOWN, serve
@@ -60,12 +61,13 @@ class _Composition:
             rclpy.init(args=list(arguments), signal_handler_options=SignalHandlerOptions.NO)
             self._executor = SingleThreadedExecutor()
             paths: list[Path] = []
-            for name in NAMES:
-                module = import_module(f"helmet_sim_ros.nodes.{name}_node")
-                node = getattr(module, f"{name.capitalize()}Node")()
-                self.nodes.append(node)
-                self._executor.add_node(node)
-                paths += map(Path, node.get_parameter(CONFIG_PATHS.name).value or ())
+            with lasting():
+                for name in NAMES:
+                    module = import_module(f"helmet_sim_ros.nodes.{name}_node")
+                    node = getattr(module, f"{name.capitalize()}Node")()
+                    self.nodes.append(node)
+                    self._executor.add_node(node)
+                    paths += map(Path, node.get_parameter(CONFIG_PATHS.name).value or ())
             restrict_reach(paths)
         except SetupError as error:
             raise NodeRefused(f"the {name} node: {error}") from error
@@ -176,7 +178,8 @@ def ros_arguments(
         for inside, outside in names.items():
             arguments += ["-r", f"{name}:{inside}:={outside}"]
     if quiet:
-        arguments.append("--disable-stdout-logs")
+        # What is no warning costs a tenth of a second: rclpy looks for the line that says it.
+        arguments += ["--disable-stdout-logs", "--log-level", "warn"]
     return arguments
 
 

@@ -142,7 +142,8 @@ class Parameters(Generic[T]):
                 raise self._unknown(strange[0].name, strange[0].value)
             if changes:
                 values = self._values | changes
-                self._next = values, self._build(values)
+                if values != self._next[0]:
+                    self._next = values, self._build(values)
         except HelmetSimError as error:
             reason = str(error)
             if not any(p.name in reason for p in parameters):  # a value that was there before

@@ -20,6 +20,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
 from helmet_sim_ros.errors import HelmetSimError, SetupError
+from helmet_sim_ros.lasting import lasting
 from helmet_sim_ros.nodes.environment import prepare_environment
 from helmet_sim_ros.nodes.parameters import config_paths
 from helmet_sim_ros.nodes.teardown import ending_anyway
@@ -61,7 +62,8 @@ def run_node(name: str, create: Callable[[], Node], args: list[str] | None = Non
     node, code = None, 0
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-        node = create()
+        with lasting():
+            node = create()
         restrict_reach(config_paths(node))
         executor = SingleThreadedExecutor()
         executor.add_node(node)

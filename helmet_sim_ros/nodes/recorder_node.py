@@ -24,7 +24,7 @@ from helmet_sim_ros.nodes import samples
 from helmet_sim_ros.nodes.conversion import nanoseconds
 from helmet_sim_ros.nodes.log_session import CRITERIA_TOPIC, STRIKES_TOPIC, LogSession
 from helmet_sim_ros.nodes.parameters import NODE_OPTIONS, Parameters
-from helmet_sim_ros.nodes.process import WALL, answering, run_node, wait
+from helmet_sim_ros.nodes.process import WALL, answering, next_round, run_node, wait
 from helmet_sim_ros.nodes.qos import CRITERIA_READER, LATCHED, SAMPLES_READER, SERVICE
 from helmet_sim_ros.nodes.recorder_config import (
     RecorderConfig,
@@ -34,10 +34,9 @@ from helmet_sim_ros.nodes.recorder_config import (
 )
 from helmet_sim_ros.schema import leaves
 
-#: ``~/finish`` waits for what is still on its way: until every impact has its criteria or a reason,
-#: nothing is open and no samples came for ``QUIET``, or something is open but no samples came for
-#: ``PATIENCE``; at most ``LONGEST`` [s].
-QUIET = 0.1
+#: ``~/finish`` waits for what is still on its way: until all samples that have arrived are taken,
+#: every impact has its criteria or a reason, and nothing is open, or something is open but no
+#: samples came for ``PATIENCE``; at most ``LONGEST`` [s].
 PATIENCE = 3.0
 LONGEST = 60.0
 #: How long after its start, or after the last evaluator has gone, this node may not yet know of
@@ -271,8 +270,16 @@ class RecorderNode(Node):
         if self._session is None and not self._retired:
             raise NodeError("no log is open")
         began = self._heard = time.monotonic()
-        while self._on_its_way() and time.monotonic() < began + LONGEST:
-            await wait(self, Future(), 0.01)
+        taken = 0.0
+        await next_round(self)  # in the present one samples had their turn before this service
+        while time.monotonic() < began + LONGEST:
+            if self._on_its_way():
+                await wait(self, Future(), 0.01)
+            elif self._heard > taken:  # more may have arrived
+                taken = self._heard
+                await next_round(self)
+            else:
+                break
         try:
             self._close_log("the log was finished by a client")
         except LogError as error:
@@ -283,8 +290,7 @@ class RecorderNode(Node):
     def _on_its_way(self) -> bool:
         if self._awaiting:
             return True  # not for ever: see _no_criteria
-        quiet = PATIENCE if self._assembler.pending else QUIET
-        return time.monotonic() < self._heard + quiet
+        return bool(self._assembler.pending) and time.monotonic() < self._heard + PATIENCE
 
     def _close_log(self, reason: str) -> None:
         """Finish what is open; an impact under way ends there."""

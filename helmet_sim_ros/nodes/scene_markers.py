@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import mujoco
 import numpy as np
 from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
-from scipy.spatial.transform import Rotation
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from helmet_sim_ros.biomech.record import FloatArray, ImpactRecord
-from helmet_sim_ros.model.arrows import FORCES, Arrow, force_arrows
+from helmet_sim_ros.biomech.rotation import matrices
+from helmet_sim_ros.model.arrows import COLORS, FORCES, force_arrows
 from helmet_sim_ros.model.fall.setup import Fall
 from helmet_sim_ros.model.scene import Scene
 from helmet_sim_ros.model.setup import ImpactSetup
@@ -34,13 +35,6 @@ class _Drawn(NamedTuple):
     markers: list[Marker]
     offsets: FloatArray
 
-    def put(self, position: FloatArray, rotation: FloatArray, turn: FloatArray) -> None:
-        """Pose the shape: position (3,), rotation (3, 3) and as quaternion x, y, z, w (4,)."""
-        quaternion = Quaternion(**dict(zip("xyzw", turn.tolist(), strict=True)))
-        places = (position + self.offsets @ rotation.T).tolist()
-        for marker, (x, y, z) in zip(self.markers, places, strict=True):
-            marker.pose = Pose(position=Point(x=x, y=y, z=z), orientation=quaternion)
-
 
 class SceneMarkers:
     """The markers of one setup; frame ``world``.
@@ -50,7 +44,7 @@ class SceneMarkers:
     plane, or ``surface`` for anything else that surrounds the rider.
 
     Attributes:
-        scene: posed by :meth:`message`.
+        scene: posed by :meth:`values` and :meth:`message`.
     """
 
     def __init__(self, setup: ImpactSetup | Fall) -> None:
@@ -58,45 +52,68 @@ class SceneMarkers:
         self.scene = Scene(setup)
         self._solids = self.scene.around()
         edge = _WIDE if isinstance(setup, Fall) else _EDGE
-        self._around = [_drawn_solid(solid, edge) for solid in self._solids]
-        self._parts = [_drawn(s.name, s.kind, s.size, s.color) for s in self.scene.shapes]
-        self._put_around(self._solids)
-        self._arrows = [_marker(Marker.ARROW, name, _ARROW, (0.0,) * 4) for name in FORCES]
-        shapes = (marker for part in (*self._around, *self._parts) for marker in part.markers)
-        self._message = MarkerArray(markers=[*shapes, *self._arrows])
+        parts = [_drawn_solid(solid, edge) for solid in self._solids]
+        parts += [_drawn(s.name, s.kind, s.size, s.color) for s in self.scene.shapes]
+        self._shapes = [marker for part in parts for marker in part.markers]
+        self._owners = np.repeat(np.arange(len(parts)), [len(part.markers) for part in parts])
+        self._offsets = np.vstack([part.offsets for part in parts])
+        self._arrows = [_marker(Marker.ARROW, name, _ARROW, COLORS[name]) for name in FORCES]
+        self._message = MarkerArray(markers=[*self._shapes, *self._arrows])
         for number, marker in enumerate(self._message.markers):
             marker.id = number
 
     def message(self, record: ImpactRecord, index: int, time_ns: int) -> MarkerArray:
         """The scene at one sample; the same object every time."""
+        return self.filled(*self.values(record, index), time_ns)
+
+    def values(self, record: ImpactRecord, index: int) -> tuple[FloatArray, tuple[bool, ...]]:
+        """The numbers of the scene at one sample: position [m] and orientation x, y, z, w of every
+        shape's marker, tail and tip of every arrow [m]; and which of the arrows are there."""
         if not self.scene.is_still:
             self._solids = self.scene.around(float(record.time[index]))
-            self._put_around(self._solids)
-        for part, solid in zip(self._around, self._solids, strict=True):
-            if solid.kind == "plane":
-                _under(part, solid, record.helmet_position[index])
+        around = [_place(solid, record.helmet_position[index]) for solid in self._solids]
+        turns = [_quaternion(solid.rotation) for solid in self._solids]
         positions, quaternions = self.scene.poses(record, index)
-        rotations = Rotation.from_quat(quaternions).as_matrix()
-        for part, *pose in zip(self._parts, positions, rotations, quaternions, strict=True):
-            part.put(*pose)
-        for marker, arrow in zip(self._arrows, force_arrows(record, index), strict=True):
-            _point(marker, arrow)
+        positions = np.vstack([*around, positions])[self._owners]
+        quaternions = np.vstack([turns, quaternions])[self._owners]
+        turned = np.einsum("nij,nj->ni", matrices(quaternions), self._offsets)
+        arrows = force_arrows(record, index)
+        ends = [end for arrow in arrows for end in (arrow.tail, arrow.tip)]
+        values = np.concatenate([np.hstack([positions + turned, quaternions]).ravel(), *ends])
+        return values, tuple(arrow.visible for arrow in arrows)
+
+    def filled(self, values: FloatArray, visible: tuple[bool, ...], time_ns: int) -> MarkerArray:
+        """The message of such numbers; the same object every time."""
+        shapes, arrows = np.split(values, [7 * len(self._shapes)])
+        for marker, (x, y, z, *turn) in zip(
+            self._shapes, shapes.reshape(-1, 7).tolist(), strict=True
+        ):
+            orientation = Quaternion(**dict(zip("xyzw", turn, strict=True)))
+            marker.pose = Pose(position=Point(x=x, y=y, z=z), orientation=orientation)
+        for marker, there, ends in zip(
+            self._arrows, visible, arrows.reshape(-1, 2, 3).tolist(), strict=True
+        ):
+            marker.action = Marker.ADD if there else Marker.DELETE
+            marker.points = [Point(x=x, y=y, z=z) for x, y, z in ends]
         now = stamp(time_ns)
         for marker in self._message.markers:
             marker.header.stamp = now
         return self._message
 
-    def _put_around(self, solids: list[Primitive]) -> None:
-        for part, solid in zip(self._around, solids, strict=True):
-            part.put(solid.position, solid.rotation, Rotation.from_matrix(solid.rotation).as_quat())
+
+def _quaternion(rotation: FloatArray) -> FloatArray:
+    """Quaternion x, y, z, w, (4,), of a rotation matrix, (3, 3)."""
+    quaternion = np.empty(4)
+    mujoco.mju_mat2Quat(quaternion, rotation.ravel())
+    return quaternion[[1, 2, 3, 0]]
 
 
-def _under(part: _Drawn, plane: Primitive, helmet: FloatArray) -> None:
-    """Move the drawn part of a plane to where the helmet is over it."""
-    normal = plane.rotation[:, 2]
-    foot = helmet - normal * float(normal @ (helmet - plane.position))
-    turn = Rotation.from_matrix(plane.rotation).as_quat()
-    part.put(foot, plane.rotation, turn)
+def _place(solid: Primitive, helmet: FloatArray) -> FloatArray:
+    """Where a solid is drawn, (3,) [m]: of a plane the part that the helmet is over."""
+    if solid.kind != "plane":
+        return solid.position
+    normal = solid.rotation[:, 2]
+    return helmet - normal * float(normal @ (helmet - solid.position))
 
 
 def _drawn_solid(solid: Primitive, edge: float) -> _Drawn:
@@ -122,13 +139,6 @@ def _drawn(name: str, kind: str, size: Size, color: Color) -> _Drawn:
         return _Drawn([tube], middle)
     caps = [_marker(Marker.SPHERE, name, (2 * a,) * 3, color) for _ in range(2)]
     return _Drawn([tube, *caps], np.array([[0.0, 0.0, 0.0], [0.0, 0.0, b], [0.0, 0.0, -b]]))
-
-
-def _point(marker: Marker, arrow: Arrow) -> None:
-    """Let a marker show a force, or nothing while there is none."""
-    marker.action = Marker.ADD if arrow.visible else Marker.DELETE
-    marker.points = [Point(x=x, y=y, z=z) for x, y, z in (arrow.tail.tolist(), arrow.tip.tolist())]
-    marker.color = ColorRGBA(**dict(zip("rgba", arrow.color, strict=True)))
 
 
 def _marker(kind: int, name: str, size: Size, color: Color) -> Marker:

@@ -1,17 +1,17 @@
-"""Samples as serialised messages, many at once, for the log.
+"""Samples and scenes as serialised messages, for the log.
 
-Every message of a channel is as long as the next, and only its stamp and its numbers change. So one
-is serialised by the middleware, with numbers that tell where each of them lies, and the others are
-copies of it with their own.
+Every message of a channel is as long as the next, and only its stamps and its numbers change. So
+one is serialised by the middleware, with numbers that tell where each of them lies, and the others
+are copies of it with their own.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
@@ -20,6 +20,9 @@ from sensor_msgs.msg import JointState
 from helmet_sim_ros.biomech.record import FloatArray, ImpactRecord
 from helmet_sim_ros.errors import NodeError
 from helmet_sim_ros.nodes.conversion import CHANNELS, Channel, nanoseconds, stamp
+from helmet_sim_ros.nodes.scene_markers import SceneMarkers
+
+Bytes = NDArray[np.uint8]
 
 #: Topic of simulation time.
 CLOCK_TOPIC = "/clock"
@@ -29,15 +32,26 @@ _SECOND = 1_000_000_000
 
 
 class _Template(NamedTuple):
-    """A serialised message, and where its stamp and its numbers lie."""
+    """A serialised message, and the places of all bytes of its stamps and of its numbers."""
 
-    raw: NDArray[np.uint8]
-    stamp: int
-    numbers: tuple[int, ...]
+    raw: Bytes
+    stamps: NDArray[np.intp]
+    numbers: NDArray[np.intp]
+
+    def filled(self, times: NDArray[np.int64], values: FloatArray) -> Bytes:
+        """A message for each time [ns], (n,), with its row of numbers, (n, k): (n, size) bytes."""
+        table = np.tile(self.raw, (len(times), 1))
+        when = np.stack(np.divmod(times, _SECOND), axis=1).astype("<u4").view(np.uint8)
+        table[:, self.stamps] = np.tile(when, len(self.stamps) // 8)
+        table[:, self.numbers] = np.ascontiguousarray(values, dtype="<f8").view(np.uint8)
+        return table
 
 
-def serialised(record: ImpactRecord, start_time: float) -> Iterator[tuple[int, dict[str, bytes]]]:
-    """Every sample of a record as simulation time [ns] and topic -> serialised message.
+def serialised(
+    record: ImpactRecord, start_time: float
+) -> tuple[NDArray[np.int64], dict[str, Bytes]]:
+    """Every sample of a record: simulation times (n,) [ns], and topic -> its serialised messages,
+    (n, size of one) bytes.
 
     A headform has no joints and so no ``joint_states``.
 
@@ -45,50 +59,70 @@ def serialised(record: ImpactRecord, start_time: float) -> Iterator[tuple[int, d
         record: the samples.
         start_time: simulation time of the impact's start [s].
     """
-    times = [nanoseconds(start_time, time) for time in record.time.tolist()]
-    stamps = np.array([divmod(time, _SECOND) for time in times], dtype="<u4")
-    topics: dict[str, list[bytes]] = {}
+    times = np.array([nanoseconds(start_time, time) for time in record.time.tolist()])
+    topics: dict[str, Bytes] = {}
     for channel in CHANNELS:
         if channel.type is not JointState or record.joint_names:
             values = channel.values(record)
             template = _template(channel, record.joint_names, values.shape[1])
-            topics[channel.topic] = _rows(template, stamps, values)
-    topics[CLOCK_TOPIC] = _rows(_clock_template(), stamps, np.zeros((len(times), 0)))
-    for i, time in enumerate(times):
-        yield time, {topic: rows[i] for topic, rows in topics.items()}
+            topics[channel.topic] = template.filled(times, values)
+    topics[CLOCK_TOPIC] = _clock_template().filled(times, np.empty((len(times), 0)))
+    return times, topics
 
 
-def _rows(template: _Template, stamps: NDArray[np.uint32], values: FloatArray) -> list[bytes]:
-    count, size = len(stamps), len(template.raw)
-    table = np.empty((count, size), dtype=np.uint8)
-    table[:] = template.raw
-    table[:, template.stamp : template.stamp + 8] = stamps.view(np.uint8).reshape(count, 8)
-    columns = np.ascontiguousarray(values.T, dtype="<f8")
-    for place, column in zip(template.numbers, columns, strict=True):
-        table[:, place : place + 8] = column.view(np.uint8).reshape(count, 8)
-    raw = table.tobytes()
-    return [raw[i : i + size] for i in range(0, count * size, size)]
+class SerialisedScene:
+    """The markers of one setup as serialised messages."""
+
+    def __init__(self, markers: SceneMarkers) -> None:
+        self._markers = markers
+        self._templates: dict[tuple[bool, ...], _Template] = {}  # by the arrows that are there
+
+    def message(self, record: ImpactRecord, index: int, time_ns: int) -> bytes:
+        """The scene at one sample."""
+        values, visible = self._markers.values(record, index)
+        if visible not in self._templates:
+            telling = _telling(len(values))
+            message = self._markers.filled(telling, visible, _TELLING_TIME)
+            self._templates[visible] = _located(message, telling, len(message.markers))
+        template = self._templates[visible]
+        return template.filled(np.array([time_ns]), values[None]).tobytes()
 
 
 @lru_cache(maxsize=1)
 def _clock_template() -> _Template:
-    return _located(serialize_message(Clock(clock=stamp(_TELLING_TIME))), ())
+    return _located(Clock(clock=stamp(_TELLING_TIME)), _telling(0))
 
 
 @lru_cache(maxsize=64)
 def _template(channel: Channel, joints: tuple[str, ...], width: int) -> _Template:
     message = channel.message(joints)
     message.header.stamp = stamp(_TELLING_TIME)
-    telling = [1.0 + (i + 1) / 4096.0 for i in range(width)]
-    channel.fill(message, telling)
-    return _located(serialize_message(message), tuple(telling))
+    telling = _telling(width)
+    channel.fill(message, telling.tolist())
+    return _located(message, telling)
 
 
-def _located(raw: bytes, telling: tuple[float, ...]) -> _Template:
+def _telling(count: int) -> FloatArray:
+    """Numbers that occur nowhere else: roots that are not rational."""
+    roots: FloatArray = np.sqrt(np.arange(count) + 1.5)
+    return roots
+
+
+def _located(message: Any, telling: FloatArray, stamps: int = 1) -> _Template:
+    """The template of a message that holds the telling time so many times and every telling number
+    once."""
+    raw = np.frombuffer(serialize_message(message), dtype=np.uint8)
+    there = np.ascontiguousarray(sliding_window_view(raw, 8)).view("<u8").ravel()
     seconds, rest = divmod(_TELLING_TIME, _SECOND)
-    when = np.array([seconds, rest], dtype="<u4").tobytes()
-    wanted = [when, *(np.float64(value).astype("<f8").tobytes() for value in telling)]
-    places = [raw.find(value) for value in wanted]
-    if min(places) < 0 or any(raw.count(value) != 1 for value in wanted):
+    times = np.flatnonzero(there == seconds + (rest << 32))
+    wanted = telling.astype("<f8").view("<u8")  # ascending, as roots are
+    numbers = np.flatnonzero(np.isin(there, wanted))
+    numbers = numbers[np.argsort(there[numbers])]
+    if len(times) != stamps or not np.array_equal(there[numbers], wanted):
         raise NodeError("a serialised message does not show where its numbers lie")
-    return _Template(np.frombuffer(raw, dtype=np.uint8), places[0], tuple(places[1:]))
+    return _Template(raw, _bytes_at(times), _bytes_at(numbers))
+
+
+def _bytes_at(places: NDArray[np.intp]) -> NDArray[np.intp]:
+    """The places of all eight bytes of what begins at some places."""
+    return (places[:, None] + np.arange(8)).ravel()

@@ -13,6 +13,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool, Trigger
@@ -26,7 +27,7 @@ from helmet_sim_ros.nodes import samples
 from helmet_sim_ros.nodes.live_view import LiveView, SimulationClock
 from helmet_sim_ros.nodes.outgoing import Outgoing
 from helmet_sim_ros.nodes.parameters import NODE_OPTIONS
-from helmet_sim_ros.nodes.process import WALL, answering, run_node
+from helmet_sim_ros.nodes.process import answering, run_node
 from helmet_sim_ros.nodes.qos import LATCHED, SAMPLES_IN_FLIGHT, SAMPLES_WRITER, SERVICE
 from helmet_sim_ros.nodes.run_control import RunControl
 from helmet_sim_ros.nodes.setup_parameters import (
@@ -39,9 +40,6 @@ from helmet_sim_ros.nodes.setup_parameters import (
     kind_of,
 )
 from helmet_sim_ros.nodes.slices import Slices, Thinning
-
-#: How often the number of connected readers is looked at [s].
-WATCH_PERIOD = 0.1
 
 
 class SimulationNode(Node):
@@ -56,7 +54,6 @@ class SimulationNode(Node):
         self._simulation_clock = SimulationClock(self)
         self._live = LiveView(self, self._simulation_clock)
         self._live.robot.describe(first.model)
-        self._samples = self.create_publisher(Float64MultiArray, samples.TOPIC, SAMPLES_WRITER)
         self._status = self.create_publisher(DiagnosticStatus, "~/status", LATCHED)
         self._process = uuid.uuid4().hex[:8]
         self._count = 0
@@ -74,7 +71,10 @@ class SimulationNode(Node):
             self.create_service(
                 kind, f"~/{name}", callback, qos_profile=SERVICE, callback_group=group
             )
-        self.create_timer(WATCH_PERIOD, self._watch, clock=WALL)
+        self._samples = self.create_publisher(
+            Float64MultiArray, samples.TOPIC, SAMPLES_WRITER,
+            event_callbacks=PublisherEventCallbacks(matched=self._reader_changed),
+        )  # fmt: skip
         self._tell("idle")
 
     # services
@@ -201,10 +201,8 @@ class SimulationNode(Node):
     def _how_far(self) -> str:
         return f"{self._state['done']} of {self._state['total']}"
 
-    def _watch(self) -> None:
-        readers = self._samples.get_subscription_count()
-        if readers != self._state["readers"]:
-            self._tell(self._said)
+    def _reader_changed(self, event: Any) -> None:
+        self._tell(self._said)
 
     def _tell(self, message: str, level: bytes = DiagnosticStatus.OK) -> None:
         self._said = message
@@ -227,7 +225,7 @@ def _number(total: int | None) -> int | str:
 def _outcome(record: ImpactRecord, kind: str) -> dict[str, Any]:
     """What the answer tells of the result: the peak of an impact, the head strikes of a fall."""
     if kind == IMPACT:
-        return {"peak_g": evaluate(record).peak_g.value}
+        return {"peak_g": evaluate(record, criteria=["peak_g"]).peak_g.value}
     from helmet_sim_ros.model.fall.strikes import head_strikes  # loads what only falls need
 
     found = head_strikes(record)

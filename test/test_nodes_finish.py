@@ -1,0 +1,80 @@
+"""``recorder/finish`` takes all that has arrived, also what has not had its turn yet."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rclpy", reason="no ROS 2 Python client is installed")
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from impacts import SPACING, Impacts
+from node_processes import DOMAIN
+from rclpy.duration import Duration
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import Trigger
+
+from helmet_sim_ros.mcap_log import open_log
+from helmet_sim_ros.nodes import samples
+from helmet_sim_ros.nodes.diagnostics import from_evaluation
+from helmet_sim_ros.nodes.environment import prepare_environment
+from helmet_sim_ros.nodes.log_session import CRITERIA_TOPIC
+from helmet_sim_ros.nodes.qos import CRITERIA, SAMPLES_WRITER
+from helmet_sim_ros.nodes.recorder_node import RecorderNode
+
+COUNT = 12
+
+
+@pytest.fixture
+def served(tmp_path: Path) -> Iterator[list[SingleThreadedExecutor]]:
+    """A client and a recorder, each served on its own."""
+    prepare_environment(DOMAIN)
+    rclpy.init(args=["--ros-args", "-p", f"output_dir:={tmp_path}"])
+    executors = []
+    for make in (lambda: rclpy.create_node("client"), RecorderNode):
+        executors.append(SingleThreadedExecutor())
+        executors[-1].add_node(make())
+    yield executors
+    for executor in executors:
+        (node,) = executor.get_nodes()
+        node.destroy_node()
+    rclpy.try_shutdown()
+
+
+def test_a_log_is_finished_with_every_impact_that_was_acknowledged(
+    served: list[SingleThreadedExecutor],
+) -> None:
+    impacts = Impacts()
+    client: Node = served[0].get_nodes()[0]
+    sender = client.create_publisher(Float64MultiArray, samples.TOPIC, SAMPLES_WRITER)
+    judge = client.create_publisher(DiagnosticArray, CRITERIA_TOPIC, CRITERIA)
+    finish = client.create_client(Trigger, "recorder/finish")
+    assert finish.wait_for_service(30.0)
+    deadline = time.monotonic() + 30.0
+    while not (sender.get_subscription_count() and judge.get_subscription_count()):
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    for number in range(COUNT):
+        sender.publish(impacts.message(number))
+        time_ns = round((1.0 + number * SPACING + impacts.record.time[-1]) * 1e9)
+        judge.publish(
+            from_evaluation(impacts.evaluation, f"test-{number}", time_ns, impacts.digest)
+        )
+    for publisher in (sender, judge):
+        assert publisher.wait_for_all_acked(Duration(seconds=30.0))
+    answer = finish.call_async(Trigger.Request())
+    while not answer.done():
+        assert time.monotonic() < deadline
+        for executor in served:
+            executor.spin_once(timeout_sec=0.01)
+    assert answer.result().success, answer.result().message
+    log = open_log(json.loads(answer.result().message)["path"])
+    assert [impact.impact_id for impact in log.impacts] == [f"test-{i}" for i in range(COUNT)]
+    assert all(impact.evaluation for impact in log.impacts)
