@@ -47,7 +47,7 @@ def random_fall(seed: int, speed: float, form: str, duration: float, energy: boo
     setup = Fall(height=5.0, duration=duration, overrides={"helmet.coupling": form})
     fall = Falling(setup, energy=energy)
     model, data = fall.model, fall._data
-    held = fall._forces.stops
+    held = fall._simulation.forces.stops
     rest = model.qpos_spring[held.qpos]
     share = rng.uniform(-0.5, 0.5, len(rest))
     room = np.where(share > 0.0, held.high - rest, rest - held.low)
@@ -62,9 +62,11 @@ def random_fall(seed: int, speed: float, form: str, duration: float, energy: boo
     mujoco.mj_kinematics(model, data)
     data.qpos[2] += rng.uniform(0.5, 2.0) + depths(fall, data.qpos).max()
     mujoco.mj_forward(model, data)
-    fall._forces = fall._forces._replace(own=started(fall._forces.own, fall._motion))
-    fast = 0.5 * float(model.body_subtreemass[1]) * speed**2
-    fall._clock = fall._clock._replace(energy=2.0 * fast + 5e3)
+    now, fast = fall._simulation, 0.5 * float(model.body_subtreemass[1]) * speed**2
+    fall._simulation = now._replace(
+        forces=now.forces._replace(own=started(now.forces.own, now.motion)),
+        clock=now.clock._replace(energy=2.0 * fast + 5e3),
+    )
     return fall
 
 
@@ -88,7 +90,7 @@ def find(seed: int, speed: float, form: str) -> Found:
     begun = time.process_time()
     fall.run()
     cpu = time.process_time() - begun
-    held, record = fall._forces.stops, fall.record()
+    held, record = fall._simulation.forces.stops, fall.record()
     positions = np.array([position for position, _ in fall.states()])
     turned = positions[:, held.qpos]
     soft = np.isfinite(fall.contact.thickness)
@@ -120,7 +122,7 @@ def kinetic(fall: Falling) -> FloatArray:
 def strike_error(seed: int, speed: float, form: str) -> float:
     """Of the peak of the first strong strike, against fine steps throughout [-]; NaN: none."""
     long, fine = (random_fall(seed, speed, form, COMPARED_TIME, False) for _ in range(2))
-    fine._progress.fine_until[0] = np.inf
+    fine._course.progress.fine_until[0] = np.inf
     long.run()
     fine.run()
     a, b = long.record(), fine.record()
@@ -160,7 +162,8 @@ def main() -> None:
         begun = time.process_time()
         fall.run()
         costs.append(time.process_time() - begun)
-    print(f"a pedestrian's fall of 2 s: {1e3 * min(costs):.0f} ms, steps {fall._progress.taken}, "
+    taken = fall._course.progress.taken
+    print(f"a pedestrian's fall of 2 s: {1e3 * min(costs):.0f} ms, steps {taken}, "
           f"{len(fall.dense)} stretches of fine steps")  # fmt: skip
 
 

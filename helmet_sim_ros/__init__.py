@@ -34,7 +34,7 @@ __getattr__, __dir__ = lazy_names(
         "model.rider.properties": ("Rider",),
         "model.fall.setup": ("Fall",),
         "model.fall.strikes": ("head_strikes",),
-        "model.impact": ("simulate",),
+        "model.simulate": ("simulate",),
         "biomech.evaluation": ("evaluate", "Evaluation"),
         "biomech.record": ("ImpactRecord",),
         "mcap_log": ("open_log",),

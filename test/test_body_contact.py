@@ -87,7 +87,7 @@ def depths(fall: Falling, position: np.ndarray) -> np.ndarray:
 
 
 def test_joints_pass_their_stops_by_less_than_0_15_rad(crash: Falling) -> None:
-    held = crash._forces.stops
+    held = crash._simulation.forces.stops
     turned = np.array([position[held.qpos] for position, _ in crash.states()])
     excess = np.maximum(turned - held.high, held.low - turned).max()
     assert 0.0 < excess < 0.15
@@ -100,7 +100,7 @@ def test_a_fall_gains_no_energy(crash: Falling) -> None:
 
 
 def test_a_stop_sends_a_joint_back_slowly() -> None:
-    held = Impact(ImpactSetup(duration=1e-3))._forces.stops
+    held = Impact(ImpactSetup(duration=1e-3))._simulation.forces.stops
     knee = 0
     inertia, stiffness = held.inertia[knee], held.stiffness[knee]
     angle, speed, step = 0.0, 30.0, 1e-5
@@ -118,7 +118,7 @@ def test_a_stop_sends_a_joint_back_slowly() -> None:
 def test_limbs_hold_themselves_against_a_share_of_their_weight() -> None:
     impact = Impact(ImpactSetup(duration=1e-3))
     names = [impact.model.joint(int(j)).name for j in impact.model.dof_jntid]
-    held = impact._forces.stops
+    held = impact._simulation.forces.stops
     friction = {names[dof]: held.friction[i] for i, dof in enumerate(held.qvel)}
     assert friction["lumbar_flexion"] == 0.0
     assert 5.0 < friction["hip_flexion_left"] < 30.0

@@ -20,7 +20,7 @@ G = 9.80665
 def run(fall: Fall, fine: bool = False, energy: bool = False) -> Falling:
     falling = Falling(fall, energy=energy)
     if fine:
-        falling._progress.fine_until[0] = np.inf
+        falling._course.progress.fine_until[0] = np.inf
     falling.run()
     return falling
 
@@ -63,7 +63,7 @@ def test_the_peak_of_a_strike_is_that_of_fine_steps_throughout() -> None:
         np.linalg.norm(falling.record().head_acceleration, axis=1).max() for falling in (long, fine)
     ]
     assert peaks[0] == pytest.approx(peaks[1], rel=5e-3)
-    assert long._progress.taken.sum() < 0.5 * fine._progress.taken.sum()
+    assert long._course.progress.taken.sum() < 0.5 * fine._course.progress.taken.sum()
 
 
 def test_samples_are_dense_around_strikes_and_thin_elsewhere() -> None:

@@ -16,8 +16,7 @@ from helmet_sim_ros.model.fall.setup import fall_from_names, fall_leaves, setup_
 from helmet_sim_ros.model.fall.start import lowest, rotation
 from helmet_sim_ros.model.fall.strikes import HeadStrikes
 from helmet_sim_ros.model.setup import setup_from_names
-from helmet_sim_ros.model.surface.config import load_surface
-from helmet_sim_ros.model.surface.scenes import SceneConfig, load_scene
+from helmet_sim_ros.model.surface.scenes import SceneConfig, load_scene, load_surface
 from helmet_sim_ros.model.world import build
 from helmet_sim_ros.resources import share_directory
 from helmet_sim_ros.yaml_file import read_yaml
@@ -104,6 +103,13 @@ def test_what_cannot_be_is_refused_by_name_before_anything_runs(bad, said):
 def test_a_scene_without_ground_is_refused():
     with pytest.raises(SetupError, match="must hold a ground"):
         SceneConfig.from_mapping({"shapes": [{"kind": "sphere", "radius": 1.0}]})
+
+
+def test_a_scene_in_a_scene_is_refused(tmp_path):
+    path = tmp_path / "endless.yaml"
+    path.write_text(yaml.safe_dump({"parts": [{"surface": f"scene:{path}"}]}), encoding="utf-8")
+    with pytest.raises(SetupError, match="no such file"):
+        load_scene(str(path))
 
 
 def test_a_fall_goes_through_dotted_names_and_back():

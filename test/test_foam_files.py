@@ -26,8 +26,8 @@ from helmet_sim_ros.model.force.foam import (
     unloading_stress,
 )
 from helmet_sim_ros.model.helmet import load_helmet
-from helmet_sim_ros.model.impact import simulate
 from helmet_sim_ros.model.setup import ImpactSetup
+from helmet_sim_ros.model.simulate import simulate
 from helmet_sim_ros.resources import share_directory
 from helmet_sim_ros.study.foams.curve import read_curves
 from helmet_sim_ros.study.foams.fitting import fit_foam, write_foam

@@ -21,8 +21,8 @@ from helmet_meshes import (
 from helmet_sim_ros.biomech.evaluation import Evaluation, evaluate
 from helmet_sim_ros.model.force.columns import columns, first_touch
 from helmet_sim_ros.model.helmet import Helmet, load_helmet
-from helmet_sim_ros.model.impact import simulate
 from helmet_sim_ros.model.setup import ImpactSetup
+from helmet_sim_ros.model.simulate import simulate
 from helmet_sim_ros.study.helmets.importing import (
     ImportPlan,
     import_helmet,

@@ -8,8 +8,9 @@ from helmet_sim_ros.model.force import contact
 from helmet_sim_ros.model.force.bodies import FORCE, HELMET, Loads, Motion, motion_of, no_loads
 from helmet_sim_ros.model.force.contact import Contact
 from helmet_sim_ros.model.force.friction import RELAXATION, friction_force, normal_force
-from helmet_sim_ros.model.impact import Impact, simulate
+from helmet_sim_ros.model.impact import Impact
 from helmet_sim_ros.model.setup import ImpactSetup
+from helmet_sim_ros.model.simulate import simulate
 from helmet_sim_ros.model.surface.compiled import Surface
 
 UP = (0.0, 0.0, 1.0)

@@ -15,9 +15,10 @@ from helmet_sim_ros.model.force.bodies import FORCE, HELMET, Loads, Motion
 from helmet_sim_ros.model.force.columns import columns
 from helmet_sim_ros.model.force.liner import CrushingLiner, crushing_liner
 from helmet_sim_ros.model.helmet import load_helmet
-from helmet_sim_ros.model.impact import Impact, simulate
+from helmet_sim_ros.model.impact import Impact
 from helmet_sim_ros.model.setup import ImpactSetup
-from helmet_sim_ros.model.surface.config import load_surface
+from helmet_sim_ros.model.simulate import simulate
+from helmet_sim_ros.model.surface.scenes import load_surface
 
 G = 9.80665  # m/s^2
 densities = st.floats(20.0, 100.0)

@@ -23,9 +23,10 @@ from helmet_sim_ros.model.force.bodies import (
     motion_of,
     no_loads,
 )
-from helmet_sim_ros.model.impact import Impact, simulate
-from helmet_sim_ros.model.loop import Forces, fast_forces, slow_forces
+from helmet_sim_ros.model.impact import Impact
+from helmet_sim_ros.model.loop import Forces, fast_forces, has_foam, slow_forces
 from helmet_sim_ros.model.setup import ImpactSetup
+from helmet_sim_ros.model.simulate import simulate
 
 G = 9.80665  # m/s^2
 STRIKES = [("front", 0, -1), ("back", 0, 1), ("left", 1, -1), ("right", 1, 1), ("top", 2, -1)]
@@ -124,7 +125,7 @@ def test_the_recorded_velocities_are_the_derivatives_of_the_poses() -> None:
 def test_the_recorded_coupling_loop_is_the_law() -> None:
     point = {"helmet.spring.bears": "point"}
     impact = Impact(ImpactSetup(tangential_velocity=5.0, time_step=2e-5, overrides=point))
-    assert impact._clock.substeps == 1  # its history is in the samples
+    assert impact._simulation.clock.substeps == 1  # its history is in the samples
     impact.advance(impact.total)
     config = impact.helmet.spring
     first = impact.layout.slide
@@ -200,7 +201,7 @@ def test_a_coarser_sampling_step_does_not_change_the_motion(form: str, speed: fl
         return impact
 
     fine, coarse = stepped(5e-5), stepped(2e-4)
-    assert (fine._clock.substeps, coarse._clock.substeps) == (1, 4)
+    assert (fine._simulation.clock.substeps, coarse._simulation.clock.substeps) == (1, 4)
     assert np.array_equal(fine.record().head_position[::4], coarse.record().head_position)
 
 
@@ -275,12 +276,12 @@ def test_the_loop_steps_like_mujoco(rig: str, form: str) -> None:
     )  # fmt: skip
     impact = Impact(setup)
     model, start = impact.model, Impact(setup)
-    assert impact._clock.substeps == 1
+    assert impact._simulation.clock.substeps == 1
     data = mujoco.MjData(model)
     start.advance(1)
     data.qpos[:], data.qvel[:] = next(start.states())
     impact.advance(impact.total)
-    forces = Impact(setup)._forces  # with states of its own
+    forces = Impact(setup)._simulation.forces  # with states of its own
     motion, loads = motion_of(data), no_loads(model)
     for i, (position, velocity) in enumerate(impact.states()):
         assert data.qpos == pytest.approx(position, rel=1e-9, abs=1e-12)
@@ -302,15 +303,9 @@ def test_the_loop_steps_like_mujoco(rig: str, form: str) -> None:
 def apply_all(forces: Forces, step: float, motion: Motion, loads: Loads) -> None:
     """Every force of the model in the present state."""
     clear(loads)
-    slow_forces(
-        forces.stops, forces.neck, forces.landing, forces.own, forces.surface, step, motion, loads
-    )
-    foam = len(forces.liner.columns.area) > 0
+    slow_forces(forces, step, motion, loads)
     bends = shell.spreads(forces.shell, forces.surface)
-    fast_forces(
-        forces.fit, forces.outside, foam, bends, forces.shell, forces.liner, forces.spring,
-        forces.surface, step, motion, loads,
-    )  # fmt: skip
+    fast_forces(forces, has_foam(forces), bends, step, motion, loads)
 
 
 def test_slices_give_the_same_samples_as_one_run() -> None:

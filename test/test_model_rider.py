@@ -5,10 +5,11 @@ import numpy as np
 import pytest
 
 from helmet_sim_ros.biomech import evaluate
-from helmet_sim_ros.model.impact import Impact, simulate
+from helmet_sim_ros.model.impact import Impact
 from helmet_sim_ros.model.rider.anthropometry import anthropometry, head_circumference, head_mass
 from helmet_sim_ros.model.rider.properties import Rider, Sex
 from helmet_sim_ros.model.setup import ImpactSetup
+from helmet_sim_ros.model.simulate import simulate
 from helmet_sim_ros.study.sweeps.population import load_population
 
 # De Leva 1996, male, scaled to 1.75 m and 77 kg: mass [kg], centre from the upper end [mm],

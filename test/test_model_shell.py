@@ -53,7 +53,7 @@ def test_without_bending_stiffness_columns_are_crushed_one_by_one(surface: str) 
     impact.advance(impact.total)
     thin = drop(surface, ANVILS[surface], **{"helmet.shell.material.thickness": 0.0})
     assert np.array_equal(impact.record().head_acceleration, thin.head_acceleration)
-    assert impact._forces.shell.engaged[0] == 0
+    assert impact._simulation.forces.shell.engaged[0] == 0
 
 
 @pytest.mark.parametrize("surface", ANVILS)
@@ -116,7 +116,7 @@ def _momentum(impact: Impact, q: np.ndarray, v: np.ndarray) -> float:
 
 def test_the_plates_own_forces_add_up_to_no_force_and_no_moment() -> None:
     impact = Impact(setup("kerbstone", 7.5))
-    own = plate(impact.setup.helmet_config, impact._forces.liner)
+    own = plate(impact.setup.helmet_config, impact._simulation.forces.liner)
     rng = np.random.default_rng(1)
     own.height[:] = 1e-3 * rng.standard_normal(own.height.shape)
     own.anvil[:] = -1.0
@@ -133,7 +133,7 @@ def test_the_plates_own_forces_add_up_to_no_force_and_no_moment() -> None:
 
 def test_a_plane_plate_does_not_resist() -> None:
     impact = Impact(setup("kerbstone", 7.5))
-    own = plate(impact.setup.helmet_config, impact._forces.liner)
+    own = plate(impact.setup.helmet_config, impact._simulation.forces.liner)
     x = np.arange(len(own.height))[:, None] * 1e-3
     own.height[:] = x + 2.0 * x.T
     bend(own)

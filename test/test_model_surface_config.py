@@ -9,8 +9,9 @@ import pytest
 from surfaces import SIZES
 
 from helmet_sim_ros.errors import SetupError
-from helmet_sim_ros.model.surface.config import SurfaceConfig, load_surface
+from helmet_sim_ros.model.surface.config import SurfaceConfig
 from helmet_sim_ros.model.surface.drawing import add_geoms, drawn
+from helmet_sim_ros.model.surface.scenes import load_surface
 from helmet_sim_ros.model.surface.shapes import nearest, signed_distance
 from helmet_sim_ros.resources import share_directory
 

@@ -22,10 +22,10 @@ IDENTITY = np.eye(3).ravel()
 def ball_on(
     surface: Surface, center: tuple[float, float, float], radius: float
 ) -> tuple[float, np.ndarray, np.ndarray]:
-    depth, *rest = deepest_point(
-        surface, 0, *center, IDENTITY, radius, radius, radius, np.zeros(3)
-    )  # fmt: skip
-    return depth, np.array(rest[:3]), np.array(rest[3:])
+    depth, point, normal = deepest_point(
+        surface, 0, center, IDENTITY, (radius, radius, radius), np.zeros(3)
+    )
+    return depth, np.array(point), np.array(normal)
 
 
 def test_a_ball_on_an_inclined_plane() -> None:
@@ -79,10 +79,12 @@ def test_flat_ground_gives_the_bits_of_the_closed_form() -> None:
         scale = 1.0 / ((ax * dx) ** 2 + (ay * dy) ** 2 + (az * dz) ** 2) ** 0.5
         lx, ly, lz = ax * ax * dx * scale, ay * ay * dy * scale, az * az * dz * scale
         pz = z + m[6] * lx + m[7] * ly + m[8] * lz
-        found = deepest_point(surface, 0, 0.3, -0.2, z, m, ax, ay, az, np.zeros(3))
-        assert found[0] == -pz
-        assert found[1] == 0.3 + m[0] * lx + m[1] * ly + m[2] * lz
-        assert found[4:] == (0.0, 0.0, 1.0)
+        depth, point, normal = deepest_point(
+            surface, 0, (0.3, -0.2, z), m, (ax, ay, az), np.zeros(3)
+        )
+        assert depth == -pz
+        assert point[0] == 0.3 + m[0] * lx + m[1] * ly + m[2] * lz
+        assert normal == (0.0, 0.0, 1.0)
 
 
 def in_contact(surface: Surface, seed: int, depth: float) -> tuple[np.ndarray, ...]:
@@ -131,11 +133,13 @@ def test_no_search_finds_a_deeper_point(kind: str, sizes: dict, depth: float) ->
     for seed in range(12):
         surface = somewhere(kind, seed, **sizes)
         center, rotation, axes = in_contact(surface, seed, depth)
-        found = deepest_point(surface, 0, *center, rotation.ravel(), *axes, np.zeros(3))
-        assert found[0] >= best_by_search(surface, center, rotation, axes) - 1e-8
-        local = rotation.T @ (np.array(found[1:4]) - center) / axes
+        depth_found, point, normal = deepest_point(
+            surface, 0, tuple(center), rotation.ravel(), tuple(axes), np.zeros(3)
+        )
+        assert depth_found >= best_by_search(surface, center, rotation, axes) - 1e-8
+        local = rotation.T @ (np.array(point) - center) / axes
         own = rotation @ (local / axes)
-        assert np.array(found[4:]) == pytest.approx(-own / np.linalg.norm(own), abs=1e-5)
+        assert np.array(normal) == pytest.approx(-own / np.linalg.norm(own), abs=1e-5)
 
 
 @pytest.mark.parametrize("kind", [*SIZES, *(f"sharp_{kind}" for kind in SHARP)])
@@ -159,8 +163,7 @@ def test_the_result_is_a_point_of_both_however_deep(
     name = kind.removeprefix("sharp_")
     surface = shape(name, **(SHARP if sharp else SIZES)[name])
     rotation, guess = turned(turn), np.array(start)
-    depth, *rest = deepest_point(surface, 0, *center, rotation.ravel(), *axes, guess)
-    point, normal = np.array(rest[:3]), np.array(rest[3:])
+    depth, point, normal = deepest_point(surface, 0, center, rotation.ravel(), axes, guess)
     assert np.linalg.norm(normal) == pytest.approx(1.0, abs=1e-9)
     assert signed_distance(surface, 0, *point)[0] == pytest.approx(-depth, abs=1e-12)
     local = rotation.T @ (point - np.array(center)) / np.array(axes)
@@ -172,20 +175,21 @@ def test_the_result_is_a_point_of_both_however_deep(
 def test_a_warm_start_follows_a_moving_shell_to_the_same_points(kind: str) -> None:
     surface = somewhere(kind, 5)
     center, rotation, axes = in_contact(surface, 5, 0.005)
-    guess = np.zeros(3)
+    guess, axes = np.zeros(3), tuple(axes)
     for k in range(50):
-        moved = center + 2e-4 * k * np.array([0.6, 0.0, 0.8])
-        warm = deepest_point(surface, 0, *moved, rotation.ravel(), *axes, guess)
-        cold = deepest_point(surface, 0, *moved, rotation.ravel(), *axes, np.zeros(3))
+        moved = tuple(center + 2e-4 * k * np.array([0.6, 0.0, 0.8]))
+        warm = deepest_point(surface, 0, moved, rotation.ravel(), axes, guess)
+        cold = deepest_point(surface, 0, moved, rotation.ravel(), axes, np.zeros(3))
         assert warm[0] == pytest.approx(cold[0], abs=1e-12)
-        assert warm[1:] == pytest.approx(cold[1:], abs=1e-5)
+        assert np.array(warm[1:]) == pytest.approx(np.array(cold[1:]), abs=1e-5)
 
 
 def test_through_a_thin_bar_the_depth_stays_its_radius() -> None:
     bar = shape("capsule", radius=0.005, length=1.0, rotation_deg=(0.0, 90.0, 0.0))
-    found = deepest_point(bar, 0, 0.0, 0.0, 0.09, IDENTITY, *SHELL, np.array([0.0, 0.0, -1.0]))
-    assert found[0] == pytest.approx(0.005, abs=1e-9)
-    assert np.linalg.norm(found[4:]) == pytest.approx(1.0)
+    down = np.array([0.0, 0.0, -1.0])
+    depth, _, normal = deepest_point(bar, 0, (0.0, 0.0, 0.09), IDENTITY, SHELL, down)
+    assert depth == pytest.approx(0.005, abs=1e-9)
+    assert np.linalg.norm(normal) == pytest.approx(1.0)
 
 
 def test_the_lowest_point_of_four_planes_agrees_with_a_search() -> None:
@@ -206,7 +210,7 @@ def _many(surface: Surface, count: int, rotation: np.ndarray, guess: np.ndarray)
     total = 0.0
     for i in range(count):
         z = 0.15 - 1e-4 * (i % 100)
-        total += deepest_point(surface, 0, 0.0, 0.01, z, rotation, 0.13, 0.11, 0.12, guess)[0]
+        total += deepest_point(surface, 0, (0.0, 0.01, z), rotation, (0.13, 0.11, 0.12), guess)[0]
         total += signed_distance(surface, 0, 0.0, 0.01, z)[0]
     return total
 
@@ -232,10 +236,10 @@ def test_deep_on_a_thin_plate_the_point_stays_near_its_edge() -> None:
     plate = shape("box", half_sizes=(0.09, 0.003, 0.04), edge_radius=0.003)
     for aside in (0.001, -0.002, 0.004):
         center = (0.002, aside, 0.04 + SHELL[2] - 0.006)
-        found = deepest_point(plate, 0, *center, IDENTITY, *SHELL, np.zeros(3))
-        assert found[0] == pytest.approx(0.003, abs=1e-9)
-        assert found[2] == pytest.approx(0.0, abs=1e-9)
-        assert found[6] > 0.9  # any point of that plane near the edge will do
+        depth, point, normal = deepest_point(plate, 0, center, IDENTITY, SHELL, np.zeros(3))
+        assert depth == pytest.approx(0.003, abs=1e-9)
+        assert point[1] == pytest.approx(0.0, abs=1e-9)
+        assert normal[2] > 0.9  # any point of that plane near the edge will do
 
 
 def test_between_opposite_planes_the_lowest_point_is_the_one_near_the_start() -> None:

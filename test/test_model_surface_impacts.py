@@ -12,7 +12,7 @@ from helmet_sim_ros.model.anvil_drops import identified_there
 from helmet_sim_ros.model.balance import balance
 from helmet_sim_ros.model.impact import Impact
 from helmet_sim_ros.model.placement import head_in_frame
-from helmet_sim_ros.model.surface.config import load_surface
+from helmet_sim_ros.model.surface.scenes import load_surface
 from helmet_sim_ros.resources import share_directory
 
 SHIPPED = sorted(p.stem for p in (share_directory() / "config" / "surfaces").glob("*.yaml"))

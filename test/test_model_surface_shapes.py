@@ -10,7 +10,6 @@ from surfaces import SHARP, SIZES, directions, shape, somewhere
 from helmet_sim_ros.model.surface.compiled import Surface
 from helmet_sim_ros.model.surface.config import compile_parts
 from helmet_sim_ros.model.surface.parts import part_of
-from helmet_sim_ros.model.surface.ray import ENDLESS, depth_along
 from helmet_sim_ros.model.surface.shapes import nearest, signed_distance
 
 KINDS = [*((kind, SIZES[kind]) for kind in SIZES), *((kind, SHARP[kind]) for kind in SHARP)]
@@ -199,32 +198,3 @@ def test_the_nearest_shape_is_the_one_with_the_least_distance() -> None:
     i, d, *n, curvature = nearest(surface, 0.0, 0.0, 0.15)
     assert (i, n) == (1, [0.0, 0.0, -1.0])
     assert (d, curvature) == pytest.approx((0.05, 2.0 / 0.15))
-
-
-@every_shape
-def test_the_way_out_ends_on_the_surface_and_nowhere_before(kind: str, sizes: dict) -> None:
-    rng = np.random.default_rng(2)
-    for seed in range(5):
-        surface = somewhere(kind, seed, **sizes)
-        for p in points_around(surface, seed, 60):
-            v = rng.normal(size=3)
-            v /= np.linalg.norm(v)
-            way, *normal_there = depth_along(surface, 0, *p, *v)
-            if distance(surface, p) >= 0.0:
-                assert way == 0.0
-                continue
-            if way == ENDLESS:
-                assert kind == "half_space" and v @ normal(surface, p) <= 0.0
-                continue
-            assert distance(surface, p + way * v) == pytest.approx(0.0, abs=1e-12)
-            assert distance(surface, p + 0.999 * way * v) < 0.0
-            assert normal_there == pytest.approx(normal(surface, p + (way + 1e-9) * v), abs=1e-5)
-
-
-def test_the_way_out_of_a_thin_plate_goes_on_growing_with_the_depth() -> None:
-    plate = shape("box", half_sizes=(0.09, 0.003, 0.04), edge_radius=0.003)
-    for depth in (0.001, 0.003, 0.02, 0.03):
-        assert distance(plate, np.array([0.0, 0.0, 0.04 - depth])) >= -0.003
-        way, *up = depth_along(plate, 0, 0.0, 0.0, 0.04 - depth, 0.0, 0.0, 1.0)
-        assert way == pytest.approx(depth, abs=1e-12)
-        assert up == pytest.approx([0.0, 0.0, 1.0], abs=1e-6)

@@ -26,8 +26,8 @@ from helmet_sim_ros.biomech.evaluation import evaluate
 from helmet_sim_ros.biomech.record import ImpactRecord, same_samples
 from helmet_sim_ros.mcap_log import open_log
 from helmet_sim_ros.mcap_log.recover import recover
-from helmet_sim_ros.model.impact import simulate
 from helmet_sim_ros.model.setup import ImpactSetup, setup_from_names
+from helmet_sim_ros.model.simulate import simulate
 from helmet_sim_ros.nodes.diagnostics import to_evaluation
 from helmet_sim_ros.nodes.setup_parameters import parameter_values
 

@@ -26,8 +26,8 @@ from helmet_sim_ros.biomech.record import block_labels, to_block
 from helmet_sim_ros.biomech.result import Evaluation
 from helmet_sim_ros.errors import NodeError
 from helmet_sim_ros.mcap_log.blocks import Block
-from helmet_sim_ros.model.impact import simulate
 from helmet_sim_ros.model.setup import ImpactSetup
+from helmet_sim_ros.model.simulate import simulate
 from helmet_sim_ros.nodes import samples
 from helmet_sim_ros.nodes.diagnostics import to_evaluation
 from helmet_sim_ros.nodes.qos import LIVE, SAMPLES_READER, SAMPLES_WRITER

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
 import importlib.metadata
 import os
@@ -10,6 +11,7 @@ import shutil
 import subprocess
 import sys
 import zipfile
+from graphlib import TopologicalSorter
 from pathlib import Path
 from types import ModuleType
 from xml.etree import ElementTree
@@ -121,13 +123,54 @@ INWARDS = {
 }
 
 
+@pytest.fixture(scope="module")
+def modules() -> dict[str, ast.Module]:
+    """Every module of the package by its dotted name; a folder stands for its ``__init__``."""
+    found = {}
+    for path in (ROOT / "helmet_sim_ros").rglob("*.py"):
+        name = ".".join(path.relative_to(ROOT).with_suffix("").parts)
+        found[name.removesuffix(".__init__")] = ast.parse(path.read_text("utf-8"))
+    return found
+
+
+@pytest.fixture(scope="module")
+def imports(modules: dict[str, ast.Module]) -> dict[str, set[str]]:
+    """The modules of the package that each of them imports: also inside of functions, and for the
+    type checker alone."""
+    found: dict[str, set[str]] = {name: set() for name in modules}
+    for name, module in modules.items():
+        for node in ast.walk(module):
+            if isinstance(node, ast.Import):
+                found[name] |= {alias.name for alias in node.names} & modules.keys()
+            elif isinstance(node, ast.ImportFrom):
+                assert node.module and not node.level, f"{name}: a relative import"
+                inner = {f"{node.module}.{alias.name}" for alias in node.names} & modules.keys()
+                found[name] |= inner or {node.module} & modules.keys()
+    return found
+
+
 @pytest.mark.parametrize("room", INWARDS)
-def test_imports_point_inwards(room: str):
-    """Also those inside of functions, and those for the type checker alone."""
-    pattern = re.compile(r"^\s*from helmet_sim_ros\.(\w+)", re.MULTILINE)
-    texts = [path.read_text("utf-8") for path in (ROOT / "helmet_sim_ros" / room).rglob("*.py")]
-    imported = {name for text in texts for name in pattern.findall(text)}
-    assert texts and imported & INWARDS.keys() <= {room, *INWARDS[room]}
+def test_imports_point_inwards(imports: dict[str, set[str]], room: str):
+    here = [found for name, found in imports.items() if name.split(".")[1:2] == [room]]
+    rooms = {name.split(".")[1] for found in here for name in found if "." in name}
+    assert here and rooms & INWARDS.keys() <= {room, *INWARDS[room]}
+
+
+def test_no_modules_import_each_other_in_a_circle(imports: dict[str, set[str]]):
+    TopologicalSorter(imports).prepare()  # raises CycleError, which names the circle
+
+
+def test_no_function_of_the_model_takes_many_parameters(modules: dict[str, ast.Module]):
+    """What belongs together is passed together."""
+    many = [
+        f"{name}.{node.name}: {len(names)}"
+        for name, module in modules.items()
+        if name.startswith("helmet_sim_ros.model.")
+        for node in ast.walk(module)
+        if isinstance(node, ast.FunctionDef)
+        if len(names := [n for n in ast.walk(node.args) if isinstance(n, ast.arg)]) > 8
+    ]
+    assert not many
 
 
 def test_nodes_without_ros_say_what_brings_it():

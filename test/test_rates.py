@@ -31,8 +31,9 @@ def finished(impact: Impact) -> Impact:
 
 def fixed(impact: Impact, length: float) -> Impact:
     """The same with large steps of one length [s]."""
-    impact._carrier = impact._carrier._replace(tolerance=1.0, longest=length)
-    impact._carrier.steps[1] = round(length / impact.model.opt.timestep)
+    carrier = impact._rates.carrier._replace(tolerance=1.0, longest=length)
+    impact._rates = impact._rates._replace(carrier=carrier)
+    carrier.steps[1] = round(length / impact.model.opt.timestep)
     return impact
 
 
@@ -72,7 +73,7 @@ def test_large_steps_adapt_to_the_blow() -> None:
     lengths = set()
     while impact.done_samples < impact.total:
         impact.advance(1)
-        lengths.add(int(impact._carrier.steps[1]))
+        lengths.add(int(impact._rates.carrier.steps[1]))
     assert min(lengths) <= 2
     assert max(lengths) == 8  # 0.4 ms of 50 us
 

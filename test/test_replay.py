@@ -26,7 +26,7 @@ from helmet_sim_ros.errors import LogError
 from helmet_sim_ros.mcap_log.decode import Decoder
 from helmet_sim_ros.mcap_log.source import McapSource
 from helmet_sim_ros.model.arrows import LENGTH_PER_FORCE, force_arrows, point_of_attack
-from helmet_sim_ros.model.surface.config import load_surface
+from helmet_sim_ros.model.surface.scenes import load_surface
 from helmet_sim_ros.model.surface.shapes import signed_distance
 from helmet_sim_ros.nodes.scene_markers import SceneMarkers
 from helmet_sim_ros.report.replay import gl

@@ -23,7 +23,7 @@ pytest.importorskip("rclpy", reason="no ROS 2 Python client is installed")
 from helmet_sim_ros.biomech.evaluation import evaluate
 from helmet_sim_ros.mcap_log import open_log
 from helmet_sim_ros.model.fall.strikes import head_strikes
-from helmet_sim_ros.model.impact import simulate
+from helmet_sim_ros.model.simulate import simulate
 from helmet_sim_ros.nodes.client import call, ros_client, wait_for_service
 from helmet_sim_ros.study import load_scenario
 

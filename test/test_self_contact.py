@@ -46,7 +46,7 @@ def posed(**angles: float) -> tuple[Impact, SelfContact, Motion, Loads, mujoco.M
     data.qvel[:] = 0.0
     mujoco.mj_fwdPosition(model, data)
     mujoco.mj_fwdVelocity(model, data)
-    return impact, impact._forces.own, motion_of(data), no_loads(model), data
+    return impact, impact._simulation.forces.own, motion_of(data), no_loads(model), data
 
 
 def test_nothing_touches_in_the_posture_of_the_start() -> None:
@@ -85,7 +85,7 @@ def test_crossed_legs_push_each_other_apart() -> None:
 
 def test_a_bent_neck_brings_the_helmet_onto_the_shoulder() -> None:
     impact = Impact(ImpactSetup(duration=1e-3))
-    model, data, own = impact.model, impact._data, impact._forces.own
+    model, data, own = impact.model, impact._data, impact._simulation.forces.own
     half = 0.5 * 0.5
     for name in ("neck_lower", "neck_middle", "neck_upper"):
         first = int(model.joint(name).qposadr[0])
@@ -99,5 +99,5 @@ def test_a_bent_neck_brings_the_helmet_onto_the_shoulder() -> None:
 
 
 def test_a_headform_touches_nothing_of_its_own() -> None:
-    own = Impact(ImpactSetup(rig="headform", duration=1e-3))._forces.own
+    own = Impact(ImpactSetup(rig="headform", duration=1e-3))._simulation.forces.own
     assert len(own.first) == 0

@@ -10,8 +10,8 @@ from helmet_sim_ros.biomech.pulse import STANDARD_GRAVITY
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.cli import main
 from helmet_sim_ros.errors import SetupError
-from helmet_sim_ros.model.impact import simulate
 from helmet_sim_ros.model.setup import ImpactSetup
+from helmet_sim_ros.model.simulate import simulate
 from helmet_sim_ros.study.identification.histories import read_histories, read_history
 from helmet_sim_ros.study.identification.history_fit import fit_histories
 

@@ -19,8 +19,8 @@ from helmet_sim_ros.errors import DivergedError, LogError, StudyError
 from helmet_sim_ros.mcap_log.strikes import NOTHING
 from helmet_sim_ros.model.fall.setup import Fall, setup_or_fall
 from helmet_sim_ros.model.fall.strikes import HeadStrikes, Strike, head_strikes
-from helmet_sim_ros.model.impact import simulate
 from helmet_sim_ros.model.setup import ImpactSetup
+from helmet_sim_ros.model.simulate import simulate
 from helmet_sim_ros.report.falls.tables import FallResult, impacts_of, to_scenario
 from helmet_sim_ros.study.sweeps.sweep import SweepResult
 

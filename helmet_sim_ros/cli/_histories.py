@@ -14,8 +14,9 @@ from helmet_sim_ros.mcap_log.blocks import Assembled, Block
 from helmet_sim_ros.mcap_log.digest import setup_digest
 from helmet_sim_ros.model.fall.setup import Fall, setup_or_fall
 from helmet_sim_ros.model.fall.strikes import head_strikes
-from helmet_sim_ros.model.impact import Impact, simulate
+from helmet_sim_ros.model.impact import Impact
 from helmet_sim_ros.model.setup import ImpactSetup
+from helmet_sim_ros.model.simulate import simulate
 from helmet_sim_ros.nodes import diagnostics, samples
 from helmet_sim_ros.nodes.conversion import nanoseconds
 from helmet_sim_ros.nodes.log_session import LogSession
@@ -112,7 +113,7 @@ def _log(
 ) -> tuple[Evaluation, float]:
     """Log one impact; its evaluation, and when the next one may start."""
     impact = Impact(setup)
-    impact.advance(impact.total)
+    impact.run()
     record = impact.record()
     described = setup.described()
     digest = setup_digest(described)

@@ -8,9 +8,9 @@ from __future__ import annotations
 from helmet_sim_ros.model.compiled import compiled
 from helmet_sim_ros.model.force import contact, fit, neck, self_contact, spring, stops
 from helmet_sim_ros.model.force.bodies import Motion
-from helmet_sim_ros.model.loop import Engine, Forces, _mujoco_function, energy_vel
+from helmet_sim_ros.model.loop import Engine, Forces, energy_vel, mujoco_function
 
-_energy_pos = _mujoco_function("mj_energyPos")
+_energy_pos = mujoco_function("mj_energyPos")
 
 
 @compiled

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import hashlib
-from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 from pydantic import Field, model_validator
 
+from helmet_sim_ros.config_file import load_config
 from helmet_sim_ros.errors import SetupError
 from helmet_sim_ros.resources import find_config
 from helmet_sim_ros.schema import Config, quantity
-from helmet_sim_ros.yaml_file import read_yaml
 
 #: Points of a table from strain 0 to its limit; beyond, the law goes on as a straight line.
 POINTS = 64
@@ -73,8 +71,7 @@ def load_foam(name_or_path: str) -> Foam:
     Raises:
         SetupError: unknown name, unreadable file, or a refused value in it.
     """
-    path = find_config("foams", name_or_path, "foam")
-    return _load(path, path.stat().st_mtime_ns)
+    return load_config(Foam, "foams", name_or_path, "foam")
 
 
 def foam_digest(name_or_path: str) -> str:
@@ -85,8 +82,3 @@ def foam_digest(name_or_path: str) -> str:
     """
     path = find_config("foams", name_or_path, "foam")
     return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
-
-
-@lru_cache(maxsize=64)
-def _load(path: Path, _mtime_ns: int) -> Foam:
-    return Foam.from_mapping(read_yaml(path, "foam"), str(path))  # type: ignore[no-any-return]

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-from pathlib import Path
-
 from pydantic import Field
 
-from helmet_sim_ros.resources import find_config
+from helmet_sim_ros.config_file import load_config
 from helmet_sim_ros.schema import Config, quantity
-from helmet_sim_ros.yaml_file import read_yaml
 
 
 class HeadSurface(Config):
@@ -44,17 +40,10 @@ class Head(Config):
     )
 
 
-@lru_cache(maxsize=64)
-def _load(path: Path, _mtime_ns: int) -> HeadSurface:
-    data = read_yaml(path, "head.surface")
-    return HeadSurface.from_mapping(data, str(path))  # type: ignore[no-any-return]
-
-
 def load_head_surface(name_or_path: str) -> HeadSurface:
     """The surface of ``config/head_surfaces/NAME.yaml``, or of any YAML file by path.
 
     Raises:
         SetupError: unknown name, unreadable file, or a refused value in it.
     """
-    path = find_config("head_surfaces", name_or_path, "head.surface")
-    return _load(path, path.stat().st_mtime_ns)
+    return load_config(HeadSurface, "head_surfaces", name_or_path, "head.surface")

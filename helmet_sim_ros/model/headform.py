@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-from pathlib import Path
-
 from pydantic import Field, model_validator
 
+from helmet_sim_ros.config_file import load_config
 from helmet_sim_ros.errors import SetupError
-from helmet_sim_ros.resources import find_config
 from helmet_sim_ros.schema import Config, quantity
-from helmet_sim_ros.yaml_file import read_yaml
 
 Vector = tuple[float, float, float]
 
@@ -66,17 +62,10 @@ class Headform(Config):
     surface: str = Field(description="surface in the liner: name in config/head_surfaces")
 
 
-@lru_cache(maxsize=64)
-def _load(path: Path, _mtime_ns: int) -> Headform:
-    data = read_yaml(path, "head.form")
-    return Headform.from_mapping(data, str(path))  # type: ignore[no-any-return]
-
-
 def load_headform(name_or_path: str) -> Headform:
     """The headform of ``config/headforms/NAME.yaml``, or of any YAML file by path.
 
     Raises:
         SetupError: unknown name, unreadable file, or a refused value in it.
     """
-    path = find_config("headforms", name_or_path, "head.form")
-    return _load(path, path.stat().st_mtime_ns)
+    return load_config(Headform, "headforms", name_or_path, "head.form")

@@ -1,4 +1,4 @@
-"""One impact, step by step or at once: the physics behind :func:`simulate`."""
+"""One impact, step by step or at once: the physics behind :func:`.simulate.simulate`."""
 
 from __future__ import annotations
 
@@ -27,7 +27,6 @@ from helmet_sim_ros.model.force.bodies import (
     FRICTION,
     HELMET,
     MOMENT,
-    chain_of,
     motion_of,
     no_loads,
 )
@@ -39,41 +38,14 @@ from helmet_sim_ros.model.force.shell import plate
 from helmet_sim_ros.model.force.spring import CouplingSpring, coupling_spring
 from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.layout import Layout
-from helmet_sim_ros.model.loop import Clock, Engine, Forces, Rows, advance
-from helmet_sim_ros.model.rates.parts import carried, carrier
+from helmet_sim_ros.model.loop import Clock, Engine, Forces, Rows, Simulation, advance
+from helmet_sim_ros.model.rates.parts import rates
 from helmet_sim_ros.model.rates.several import advance_several
 from helmet_sim_ros.model.rider.neck import overload
 from helmet_sim_ros.model.setup import ImpactSetup
 from helmet_sim_ros.model.state import read_state
 from helmet_sim_ros.model.watch import most_energy, overloaded
 from helmet_sim_ros.model.world import build
-
-
-def simulate(setup: ImpactSetup | Fall, crush: FloatArray | None = None) -> ImpactRecord:
-    """Simulate one impact, or a whole fall.
-
-    Args:
-        setup: the impact or fall; its ``duration`` and ``time_step`` give the number of samples.
-        crush: largest strain of each foam column in earlier impacts, ``extras["crush"]`` of the
-            last one; unset: a new helmet.
-
-    Returns:
-        Every sample, SI units, of an impact from the first touch of the ground; of a fall samples
-        are dense where the head strikes and thinner elsewhere (``extras["dense"]``).
-        :func:`head_strikes` finds in a fall what the head strikes.
-
-    Raises:
-        DivergedError: the state stopped being finite.
-    """
-    if isinstance(setup, Fall):
-        from helmet_sim_ros.model.fall.stepping import Falling  # an impact itself
-
-        fall = Falling(setup, crush)
-        fall.run()
-        return fall.record()
-    impact = Impact(setup, crush)
-    impact.advance(impact.total)
-    return impact.record()
 
 
 class Impact:
@@ -96,7 +68,7 @@ class Impact:
         crush: FloatArray | None = None,
         helmet: Helmet | None = None,
     ) -> None:
-        """Args: see :func:`simulate`; ``helmet`` takes the place of the setup's."""
+        """Args: see :func:`.simulate.simulate`; ``helmet`` takes the place of the setup's."""
         self.setup = setup
         helmet = helmet or setup.helmet_config
         if isinstance(setup, ImpactSetup) and setup.state is None:
@@ -117,11 +89,10 @@ class Impact:
         if largest.shape != (count,):
             raise PulseError(f"crush: shape {largest.shape}, expected ({count},)")
         self._several = isinstance(setup, ImpactSetup) and setup.rates == "several"
-        self._motion = motion_of(data, 0.5 * parts.model.opt.timestep if self._several else 0.0)
-        self._loads = no_loads(parts.model, data.qfrc_applied)
+        motion = motion_of(data, 0.5 * parts.model.opt.timestep if self._several else 0.0)
         liner = crushing_liner(columns, helmet, layout.helmet, shapes, largest)
         shell, body = world.contact.parts(1 if helmet.coupling == "spring" else 0)
-        self._forces = Forces(
+        forces = Forces(
             world.surface,
             self.fresh_spring(),
             parts.stops.fresh(),
@@ -132,33 +103,32 @@ class Impact:
             liner,
             plate(helmet, liner),
             self.fresh_fit(),
-            started(parts.own, self._motion),
+            started(parts.own, motion),
         )
         if isinstance(setup, ImpactSetup) and setup.state is not None:
             state = read_state(setup.state)
-            spring, now = self._forces.spring, float(np.linalg.norm(state.shell))
+            spring, now = forces.spring, float(np.linalg.norm(state.shell))
             spring.past[:] = max(float(state.compressed[0]), now), now
             spring.behind[:] = spring.past[0] - now
-            self._forces.neck.yielded[0] = float(state.yielded[0])
-        self._engine = Engine(
+            forces.neck.yielded[0] = float(state.yielded[0])
+        engine = Engine(
             parts.model._address, data._address, data.qacc_smooth, data.qacc, data.xfrc_applied,
             data.sensordata, data.M, parts.damped_diagonal[0], parts.model.opt.timestep,
             parts.damped_diagonal[1], parts.chains, data.energy,
         )  # fmt: skip
-        self._clock = Clock(
+        clock = Clock(
             parts.model.opt.timestep,
             world.substeps,
             *most_energy(parts.model, data, setup, world.surface),
         )
+        loads = no_loads(parts.model, data.qfrc_applied)
+        self._simulation = Simulation(engine, motion, loads, forces, clock)
         widths = (parts.model.nq, parts.model.nv, parts.model.nsensordata, 6, 3, (2, COLUMNS), 3)
         self._rows = Rows(*(np.zeros((self.total, *np.atleast_1d(w))) for w in widths))
         self._time = np.arange(self.total, dtype=np.float64) * setup.time_step
         self._done = self._computed = 0
         if self._several:
-            chain = chain_of(parts.chains, layout.head)
-            self._carried = carried(parts.model, layout, chain)
-            self._carrier = carrier(parts.model, data)
-            self._fine_loads = no_loads(parts.model)
+            self._rates = rates(parts.model, data, layout, parts.chains)
 
     @property
     def done_samples(self) -> int:
@@ -192,17 +162,19 @@ class Impact:
             raise DivergedError(self._done * self.setup.time_step, self.setup.described())
         return self._done
 
+    def run(self) -> None:
+        """Step to the end.
+
+        Raises:
+            DivergedError: see :meth:`advance`.
+        """
+        self.advance(self.total)
+
     def _stepped(self, last: int) -> int:
         """Step until sample ``last``; a large step may go beyond it."""
         if self._several:
-            return advance_several(
-                self._engine, self._motion, self._loads, self._fine_loads, self._forces,
-                self._clock, self._carried, self._carrier, self._rows, last,
-            )  # fmt: skip
-        return advance(
-            self._engine, self._motion, self._loads, self._forces, self._clock, self._rows,
-            self._computed, last,
-        )  # fmt: skip
+            return advance_several(self._simulation, self._rates, self._rows, last)
+        return advance(self._simulation, self._rows, self._computed, last)
 
     @property
     def layout(self) -> Layout:
@@ -297,10 +269,12 @@ class Impact:
         """Notes, and of a foam helmet the crush map so far: ``crush`` (largest strain of each
         column), ``residual_crush`` [m], ``column_position`` (n, 3) [m] in the helmet frame."""
         suffered = overload(self.neck, self._rows.qpos[: self._done])
-        suffered += overloaded(self.helmet, self._forces, self._rows, self._done, self._layout)
+        suffered += overloaded(
+            self.helmet, self._simulation.forces, self._rows, self._done, self._layout
+        )
         extras: dict[str, Any] = {"notes": [*self.notes, *suffered]}
         extras |= self._sampled(0, self._done)
-        liner = self._forces.liner
+        liner = self._simulation.forces.liner
         if len(liner.largest):
             strains = residual_strains(liner.largest, liner.columns.foam)
             extras |= {

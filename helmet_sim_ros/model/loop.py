@@ -61,19 +61,19 @@ def _link_mujoco() -> None:
 _link_mujoco()
 
 
-def _mujoco_function(name: str) -> Any:
+def mujoco_function(name: str) -> Any:
     """A C function of model and data."""
     return types.ExternalFunction(name, types.void(types.intp, types.intp))
 
 
-kinematics, com_pos = _mujoco_function("mj_kinematics"), _mujoco_function("mj_comPos")
-make_m, factor_m = _mujoco_function("mj_makeM"), _mujoco_function("mj_factorM")
-velocity_ = _mujoco_function("mj_fwdVelocity")
-acceleration_ = _mujoco_function("mj_fwdAcceleration")
-_rne_post = _mujoco_function("mj_rnePostConstraint")
-_sensor_pos, _sensor_vel = _mujoco_function("mj_sensorPos"), _mujoco_function("mj_sensorVel")
-_sensor_acc = _mujoco_function("mj_sensorAcc")
-energy_vel = _mujoco_function("mj_energyVel")
+kinematics, com_pos = mujoco_function("mj_kinematics"), mujoco_function("mj_comPos")
+make_m, factor_m = mujoco_function("mj_makeM"), mujoco_function("mj_factorM")
+velocity_ = mujoco_function("mj_fwdVelocity")
+acceleration_ = mujoco_function("mj_fwdAcceleration")
+_rne_post = mujoco_function("mj_rnePostConstraint")
+_sensor_pos, _sensor_vel = mujoco_function("mj_sensorPos"), mujoco_function("mj_sensorVel")
+_sensor_acc = mujoco_function("mj_sensorAcc")
+energy_vel = mujoco_function("mj_energyVel")
 integrate_pos: Any = types.ExternalFunction(
     "mj_integratePos", types.void(types.intp, types.intp, types.intp, types.double)
 )
@@ -164,6 +164,23 @@ class Clock(NamedTuple):
     growth: float
 
 
+class Simulation(NamedTuple):
+    """What the stepping loops work on: one impact or fall as it is now.
+
+    Attributes:
+        engine, motion: MuJoCo's side of it.
+        loads: of one step; MuJoCo's applied forces are a view of them.
+        forces: their states are changed in place.
+        clock: integration step and steps per sample.
+    """
+
+    engine: Engine
+    motion: Motion
+    loads: Loads
+    forces: Forces
+    clock: Clock
+
+
 @inlined
 def sample(engine: Engine, motion: Motion, loads: Loads, rows: Rows, i: int) -> None:
     """Write the present state, its sensors and loads into row i; leaves the acceleration."""
@@ -186,66 +203,59 @@ def sample(engine: Engine, motion: Motion, loads: Loads, rows: Rows, i: int) -> 
 
 
 @inlined
-def slow_forces(
-    stopped: stops.Stops, necked: neck.CervicalSpine, touching: contact.Contact,
-    own: self_contact.SelfContact, struck: Surface, step: float, motion: Motion, loads: Loads,
-) -> None:  # fmt: skip
+def slow_forces(forces: Forces, step: float, motion: Motion, loads: Loads) -> None:
     """Add what acts on the body; ``step``: time since the last call [s]."""
-    stops.apply(stopped, step, motion, loads)
-    neck.apply(necked, motion, loads)
-    contact.apply(touching, struck, step, motion, loads)
-    self_contact.apply(own, step, motion, loads)
+    stops.apply(forces.stops, step, motion, loads)
+    neck.apply(forces.neck, motion, loads)
+    contact.apply(forces.landing, forces.surface, step, motion, loads)
+    self_contact.apply(forces.own, step, motion, loads)
+
+
+@inlined
+def has_foam(forces: Forces) -> bool:
+    """Whether a crushing liner takes the place of the coupling spring."""
+    return len(forces.liner.columns.area) > 0
 
 
 @inlined
 def fast_forces(
-    fitted: fit.Fit, outside: contact.Contact, foam: bool, bends: bool, plate: shell.Plate,
-    crushing: liner.CrushingLiner, sprung: spring.CouplingSpring, struck: Surface, step: float,
-    motion: Motion, loads: Loads,
-) -> None:  # fmt: skip
-    """Add what acts on head and helmet; ``step``: time since the last call [s]."""
-    fit.apply(fitted, step, motion, loads)
+    forces: Forces, foam: bool, bends: bool, step: float, motion: Motion, loads: Loads
+) -> None:
+    """Add what acts on head and helmet.
+
+    Args:
+        foam: whether there is a liner; ``bends``: whether its shell spreads the load.
+        step: time since the last call [s].
+    """
+    fit.apply(forces.fit, step, motion, loads)
     if foam:
         if bends:
-            shell.apply(plate, crushing, struck, step, motion, loads)
+            shell.apply(forces.shell, forces.liner, forces.surface, step, motion, loads)
         else:
-            liner.apply(crushing, struck, step, motion, loads)
+            liner.apply(forces.liner, forces.surface, step, motion, loads)
     else:
-        contact.apply(outside, struck, step, motion, loads)
-        spring.apply(sprung, step, motion, loads)
+        contact.apply(forces.outside, forces.surface, step, motion, loads)
+        spring.apply(forces.spring, step, motion, loads)
 
 
 @compiled
-def advance(
-    engine: Engine,
-    motion: Motion,
-    loads: Loads,
-    forces: Forces,
-    clock: Clock,
-    rows: Rows,
-    first: int,
-    last: int,
-) -> int:
+def advance(simulation: Simulation, rows: Rows, first: int, last: int) -> int:
     """Step from sample ``first`` up to ``last``; each row is the state before its step.
 
     Args:
-        engine, motion, loads: of one simulation.
-        forces: their states are changed in place.
-        clock: integration step and steps per sample.
+        simulation: at sample ``first``.
         rows: samples to write.
 
     Returns:
         ``last``, or the index of the first sample at or after which the state has left physics: the
         acceleration is not finite, or there is more kinetic energy than there can be.
     """
-    # Arrays are taken out of their tuples once: each access counts references.
+    engine, motion, loads, forces, clock = simulation
     model, data, step = engine.model, engine.data, clock.step
     mass, diagonal, damping = engine.mass, engine.diagonal, engine.damping
     acceleration, qpos, qvel = engine.acceleration, motion.qpos, motion.qvel
-    struck, sprung, stopped, necked, _, touching, outside, crushing, plate, fitted, own = forces
-    foam = len(crushing.columns.area) > 0
-    bends = shell.spreads(plate, struck)
     damped = damping.any()
+    foam, bends = has_foam(forces), shell.spreads(forces.shell, forces.surface)
     for i in range(first, last):
         for substep in range(clock.substeps):
             kinematics(model, data)
@@ -254,10 +264,8 @@ def advance(
             velocity_(model, data)
 
             clear(loads)
-            slow_forces(stopped, necked, touching, own, struck, step, motion, loads)
-            fast_forces(
-                fitted, outside, foam, bends, plate, crushing, sprung, struck, step, motion, loads
-            )
+            slow_forces(forces, step, motion, loads)
+            fast_forces(forces, foam, bends, step, motion, loads)
             add_generalised(motion, loads, engine.chains)
 
             if substep == 0:
@@ -270,7 +278,7 @@ def advance(
                         return i
                 sample(engine, motion, loads, rows, i)
                 if foam:
-                    liner.crush(crushing, struck, motion, rows.crush[i])
+                    liner.crush(forces.liner, forces.surface, motion, rows.crush[i])
             if damped or substep > 0:
                 for k in range(len(diagonal)):
                     mass[diagonal[k]] += damping[k]
@@ -281,5 +289,5 @@ def advance(
             for k in range(len(qvel)):
                 qvel[k] += step * acceleration[k]
             integrate_pos(model, qpos.ctypes.data, qvel.ctypes.data, step)
-            carry(struck, step)
+            carry(forces.surface, step)
     return last

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 from pydantic import Field, model_validator
 
@@ -16,13 +17,15 @@ from helmet_sim_ros.model.helmet import Helmet, load_helmet
 from helmet_sim_ros.model.rider.posing import Posing
 from helmet_sim_ros.model.rider.properties import RETIRED, Rider, refuse_retired
 from helmet_sim_ros.model.state import read_state
-from helmet_sim_ros.model.surface.config import SCENE, SurfaceConfig, load_surface
-from helmet_sim_ros.schema import Config, leaf_values, leaves, quantity
+from helmet_sim_ros.model.surface.config import SurfaceConfig
+from helmet_sim_ros.model.surface.scenes import SCENE, load_surface
+from helmet_sim_ros.schema import Config, Leaf, leaf_values, leaves, quantity
 from helmet_sim_ros.views import show
 
 Rig = Literal["rider", "headform", "monorail"]
 Rates = Literal["several", "single"]
 Direction = Literal["front", "back", "left", "right", "top"]
+Named = TypeVar("Named", bound=Config)
 
 #: What places a rider whose state is not given.
 PLACING = ("direction", "body_angle_deg", "tangential_heading_deg")
@@ -390,10 +393,24 @@ def setup_from_names(values: Mapping[str, Any]) -> ImpactSetup:
     Raises:
         SetupError: unknown name, or a refused value.
     """
+    return from_names(ImpactSetup, values, _SETUP_KEYS)
+
+
+def from_names(kind: type[Named], values: Mapping[str, Any], keys: Mapping[str, str]) -> Named:
+    """A setup of any kind from dotted names, by which it also tells what is refused.
+
+    Args:
+        kind: of the setup.
+        values: by dotted name.
+        keys: dotted name -> field, for the values that the setup holds itself.
+
+    Raises:
+        SetupError: unknown name, or a refused value.
+    """
     try:
-        return ImpactSetup(overrides=dict(values))
+        return kind(overrides=dict(values))
     except SetupError as error:
-        names = {field: name for name, field in _SETUP_KEYS.items()} | {"helmet": "helmet.name"}
+        names = {field: name for name, field in keys.items()} | {"helmet": "helmet.name"}
         problems = [
             Problem(names.get(p.key, p.key.removeprefix("overrides.")), p.value, p.allowed)
             for p in error.problems
@@ -419,14 +436,14 @@ def setup_from_log(values: Mapping[str, Any]) -> tuple[ImpactSetup, tuple[str, .
     return setup, (f"logged with another neck model; left out: {', '.join(retired)}",)
 
 
-def setup_leaves() -> list[Any]:
-    """Every ``impact.*``, ``sim.*`` and ``rider.*`` value, with its dotted name."""
-    from dataclasses import replace
+def setup_leaves() -> list[Leaf]:
+    """Every ``impact.*``, ``sim.*``, ``rider.*`` and ``head.*`` value, with its dotted name."""
+    return named_leaves(ImpactSetup, _SETUP_KEYS)
 
-    field_to_name = {field: name for name, field in _SETUP_KEYS.items()}
-    own = [
-        replace(leaf, name=field_to_name[leaf.name])
-        for leaf in leaves(ImpactSetup)
-        if leaf.name in field_to_name
-    ]
-    return own + leaves(Rider, "rider.") + leaves(Head, "head.")
+
+def named_leaves(kind: type[Config], keys: Mapping[str, str]) -> list[Leaf]:
+    """The values that a setup holds itself (``keys``: dotted name -> field), then those of the
+    records in it, each with its dotted name."""
+    names = {field: name for name, field in keys.items()}
+    own = [replace(leaf, name=names[leaf.name]) for leaf in leaves(kind) if leaf.name in names]
+    return own + [leaf for group, inner in GROUPS.items() for leaf in leaves(inner, f"{group}.")]

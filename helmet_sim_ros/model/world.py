@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -12,8 +13,8 @@ from numpy.typing import NDArray
 
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.model.anvil_drops import PATCH, unevenness
-from helmet_sim_ros.model.fall.setup import Fall
 from helmet_sim_ros.model.fall.start import start_fall
+from helmet_sim_ros.model.fall.values import FallValues
 from helmet_sim_ros.model.force.bodies import Chains, chains
 from helmet_sim_ros.model.force.columns import Columns, columns, no_columns
 from helmet_sim_ros.model.force.contact import Contact
@@ -35,7 +36,7 @@ from helmet_sim_ros.model.rider.neck import cervical_spine, set_rest
 from helmet_sim_ros.model.rider.posing import Posing
 from helmet_sim_ros.model.rider.properties import Rider
 from helmet_sim_ros.model.rider.self_contact import self_contact
-from helmet_sim_ros.model.setup import ImpactSetup
+from helmet_sim_ros.model.setup import ImpactSetup, Rig
 from helmet_sim_ros.model.state import read_state
 from helmet_sim_ros.model.surface.compiled import Surface
 from helmet_sim_ros.model.surface.config import SurfaceConfig
@@ -53,9 +54,31 @@ HELMET_COLOR = (0.20, 0.36, 0.62, 0.9)
 GROUND_COLOR = (0.55, 0.55, 0.55, 1.0)
 
 
+class Plan(NamedTuple):
+    """What the model of a setup is made from; setups of the same plan share its parts.
+
+    Attributes:
+        rig, rider, helmet, surface, posing: of the setup.
+        neck_flexion_deg: at rest [deg].
+        gravity: downwards [m/s^2].
+        step: of the integration [s].
+        form: what takes the place of the rider's head; None: nothing does.
+    """
+
+    rig: Rig
+    rider: Rider
+    helmet: Helmet
+    neck_flexion_deg: float
+    gravity: float
+    step: float
+    surface: SurfaceConfig
+    form: Headform | None
+    posing: Posing | None
+
+
 @dataclass(frozen=True)
 class Parts:
-    """What setups of the same rider, helmet and step share; nothing here may be changed.
+    """What setups of one :class:`Plan` share; nothing here may be changed.
 
     Attributes:
         model: compiled model.
@@ -65,7 +88,7 @@ class Parts:
         stops: of the body's hinges.
         neck: of the rider, as long as it has not yielded.
         own: contact of the rider with himself.
-        chains: see :mod:`helmet_sim_ros.model.tree`.
+        chains: the kinematic tree.
         damped_diagonal: where the diagonal of M stands in MuJoCo's data, and what the damping of
             the joints adds to it in an implicit step, (nv,) each.
         layout: where named quantities stand in the model's vectors.
@@ -104,7 +127,7 @@ class World:
     notes: tuple[str, ...]
 
 
-def build(setup: ImpactSetup | Fall, helmet: Helmet, dented: bool = False) -> World:
+def build(setup: ImpactSetup | FallValues, helmet: Helmet, dented: bool = False) -> World:
     """Compile the model of a setup and place it: at the first touch of the surface, or where a
     fall starts.
 
@@ -112,18 +135,22 @@ def build(setup: ImpactSetup | Fall, helmet: Helmet, dented: bool = False) -> Wo
         setup: of the impact or fall.
         helmet: as it is simulated.
         dented: whether earlier blows have crushed its liner.
+
+    Raises:
+        SetupError: a rider who starts inside something, or cannot be placed on the surface.
     """
     steps = substeps(setup, helmet)
-    parts = _parts(
-        setup.rig, setup.rider, helmet, setup.resolved_neck_flexion_deg,
-        setup.gravity, setup.time_step / steps, setup.surface_config, setup.headform, setup.posing,
+    plan = Plan(
+        setup.rig, setup.rider, helmet, setup.resolved_neck_flexion_deg, setup.gravity,
+        setup.time_step / steps, setup.surface_config, setup.headform, setup.posing,
     )  # fmt: skip
+    parts = _parts(plan)
     data, notes = mujoco.MjData(parts.model), ()  # type: tuple[mujoco.MjData, tuple[str, ...]]
     state = setup.state if isinstance(setup, ImpactSetup) else None
     time = 0.0 if state is None else read_state(state).time
     surface = setup.surface_config.moving(setup.friction, time)
     contact = parts.contact.fresh(len(surface.kind))
-    if isinstance(setup, Fall):
+    if isinstance(setup, FallValues):
         start_fall(parts.model, data, contact, surface, setup)
     elif state is not None:
         notes = resume(parts.model, data, parts.layout, surface, setup, None if dented else helmet)
@@ -158,28 +185,26 @@ def _not_flat(setup: ImpactSetup, helmet: Helmet) -> tuple[str, ...]:
 
 
 @lru_cache(maxsize=8)
-def _parts(
-    rig: str, rider: Rider, helmet: Helmet, neck_flexion_deg: float, gravity: float, step: float,
-    surface: SurfaceConfig, form: Headform | None, posing: Posing | None,
-) -> Parts:  # fmt: skip
-    spec = _empty_world(gravity, step)
-    add_geoms(spec, surface, GROUND_COLOR)
+def _parts(plan: Plan) -> Parts:
+    rider, helmet = plan.rider, plan.helmet
+    spec = _empty_world(plan.gravity, plan.step)
+    add_geoms(spec, plan.surface, GROUND_COLOR)
     body = anthropometry(rider)
-    if rig == "rider":
+    if plan.rig == "rider":
         head = add_body(spec, rider, body)
     else:
         head = spec.worldbody.add_body(name="head")
         head.add_freejoint(name="root")
-    segment = _head(rider, form)
-    held = HELD if rig == "monorail" else 1.0
+    segment = _head(rider, plan.form)
+    held = HELD if plan.rig == "monorail" else 1.0
     _rigid(head, segment.mass, [0.0, 0.0, 0.0], [held * i for i in segment.inertia])
     _add_helmet(spec, head, helmet)
-    _add_sensors(spec, rig, "head" if helmet.coupling == "none" else "helmet")
+    _add_sensors(spec, plan.rig, "head" if helmet.coupling == "none" else "helmet")
     model = spec.compile()
-    if rig == "rider":
-        set_rest(model, math.radians(neck_flexion_deg))
-    if posing is not None:
-        posing.set(model)
+    if plan.rig == "rider":
+        set_rest(model, math.radians(plan.neck_flexion_deg))
+    if plan.posing is not None:
+        plan.posing.set(model)
     foam, rest = helmet.coupling == "foam", AtRest(model)
     return Parts(
         model, spec, _ellipsoids(model, helmet, body.scale, rest),
@@ -203,7 +228,7 @@ def _damped_diagonal(model: mujoco.MjModel) -> tuple[NDArray[np.int64], FloatArr
     return diagonal.astype(np.int64), model.opt.timestep * model.dof_damping
 
 
-def substeps(setup: ImpactSetup | Fall, helmet: Helmet) -> int:
+def substeps(setup: ImpactSetup | FallValues, helmet: Helmet) -> int:
     """Integration steps per sample, so that the explicit forces stay stable.
 
     The stiffest modes are those of the two light masses m on either side of the spring, whose

@@ -22,6 +22,7 @@ from helmet_sim_ros.biomech.evaluation import evaluate
 from helmet_sim_ros.biomech.record import ImpactRecord, from_block
 from helmet_sim_ros.errors import HelmetSimError, NodeError
 from helmet_sim_ros.mcap_log.digest import SETUP_DIGEST
+from helmet_sim_ros.model.simulate import begun
 from helmet_sim_ros.nodes import samples
 from helmet_sim_ros.nodes.live_view import LiveView, SimulationClock
 from helmet_sim_ros.nodes.outgoing import Outgoing
@@ -38,7 +39,7 @@ from helmet_sim_ros.nodes.setup_parameters import (
     declare,
     kind_of,
 )
-from helmet_sim_ros.nodes.slices import Slices, Thinning, started
+from helmet_sim_ros.nodes.slices import Slices, Thinning
 
 
 class SimulationNode(Node):
@@ -48,7 +49,7 @@ class SimulationNode(Node):
         super().__init__("simulation", **NODE_OPTIONS)
         self._control = RunControl(self)
         self._settings = declare(self, self._busy_reason)
-        first = started(self._settings.value.setup)
+        first = begun(self._settings.value.setup)
         first.advance(1)  # compile now, not in the first impact
         self._simulation_clock = SimulationClock(self)
         self._live = LiveView(self, self._simulation_clock)

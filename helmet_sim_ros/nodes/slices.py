@@ -12,22 +12,13 @@ from helmet_sim_ros.biomech.record import SAMPLED, FloatArray
 from helmet_sim_ros.mcap_log.blocks import Block
 from helmet_sim_ros.mcap_log.digest import SETUP_DIGEST, setup_digest
 from helmet_sim_ros.model.fall.setup import Fall
-from helmet_sim_ros.model.impact import Impact
 from helmet_sim_ros.model.setup import ImpactSetup
+from helmet_sim_ros.model.simulate import begun
 
 #: Most samples in one block: a few milliseconds of computing, and about 90 kB.
 BLOCK = 100
 #: Simulated times closer than this are one [s]: rounding of summed steps.
 SAME_TIME = 1e-9
-
-
-def started(setup: ImpactSetup | Fall) -> Impact:
-    """An impact or a fall at its beginning."""
-    if isinstance(setup, Fall):
-        from helmet_sim_ros.model.fall.stepping import Falling  # loads what only falls need
-
-        return Falling(setup)
-    return Impact(setup)
 
 
 class Slices:
@@ -43,7 +34,7 @@ class Slices:
         self, setup: ImpactSetup | Fall, impact_id: str, start_time: float, period: float
     ) -> None:
         """Args: ``start_time`` [s] of its first sample; ``period`` [s] of what is shown."""
-        self.source = started(setup)
+        self.source = begun(setup)
         self.setup = setup.described()
         self.digest = setup_digest(self.setup)
         self.done = 0

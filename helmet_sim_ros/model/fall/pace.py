@@ -134,13 +134,12 @@ def liner_gap(
     if gap > FARTHEST:
         return gap, 0.0
     if gap < 0.0:
-        depth, px, py, pz, nx, ny, nz = deepest_point(
-            surface, k, center[0], center[1], center[2], motion.rotation[body], ax, ay, az,
-            liner.direction[k],
-        )  # fmt: skip
-        gap, normal = -depth - slack, (nx, ny, nz)
+        depth, deepest, normal = deepest_point(
+            surface, k, center, motion.rotation[body], liner.semi_axes, liner.direction[k]
+        )
+        gap = -depth - slack
         if gap <= 0.0:
-            point = (px, py, pz)
+            point = deepest
     return gap, closing(motion, body, point, normal, reach, gap, row(surface.velocity, k))
 
 

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import math
-from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
 from pydantic import Field, model_validator
 
+from helmet_sim_ros.config_file import load_config
 from helmet_sim_ros.errors import SetupError
 from helmet_sim_ros.model.rider.anthropometry import anthropometry
 from helmet_sim_ros.model.rider.properties import Rider
-from helmet_sim_ros.resources import find_config
 from helmet_sim_ros.schema import Config, quantity
-from helmet_sim_ros.yaml_file import read_yaml
 
 SIDES = ("left", "right")
 #: Joints of a posture, each of one hinge of the trunk, or of both sides of the limbs.
@@ -66,19 +63,13 @@ class Posture(Config):
         return found
 
 
-@lru_cache(maxsize=32)
-def _load(path: Path, _mtime_ns: int) -> Posture:
-    return Posture.from_mapping(read_yaml(path, "fall.preset"), str(path))  # type: ignore[no-any-return]
-
-
 def load_posture(name_or_path: str) -> Posture:
     """The posture of ``config/postures/NAME.yaml``, or of any YAML file by path.
 
     Raises:
         SetupError: unknown name, unreadable file, or a refused value in it.
     """
-    path = find_config("postures", name_or_path, "fall.preset")
-    return _load(path, path.stat().st_mtime_ns)
+    return load_config(Posture, "postures", name_or_path, "fall.preset")
 
 
 def hip_depth(rider: Rider) -> float:

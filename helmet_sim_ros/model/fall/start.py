@@ -10,7 +10,7 @@ import numpy as np
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.errors import SetupError
 from helmet_sim_ros.model.fall.posture import hip_depth
-from helmet_sim_ros.model.fall.setup import Fall
+from helmet_sim_ros.model.fall.values import FallValues
 from helmet_sim_ros.model.force import contact as contacts
 from helmet_sim_ros.model.force.bodies import motion_of
 from helmet_sim_ros.model.force.contact import Contact
@@ -20,7 +20,7 @@ OVERLAP = 1e-3  # m, by which a rider may start inside: skin gives way by more
 
 
 def start_fall(
-    model: mujoco.MjModel, data: mujoco.MjData, contact: Contact, surface: Surface, fall: Fall
+    model: mujoco.MjModel, data: mujoco.MjData, contact: Contact, surface: Surface, fall: FallValues
 ) -> None:
     """Set pose and velocities of the start.
 
@@ -64,7 +64,7 @@ def start_fall(
         _refuse(fall, name, fall.surface_config.name_of(shape), depth, height)
 
 
-def rotation(fall: Fall) -> FloatArray:
+def rotation(fall: FallValues) -> FloatArray:
     """Pelvis to world at the start, (3, 3): pitch, then roll, then heading."""
     heading, roll, pitch = (
         math.radians(angle)
@@ -90,18 +90,7 @@ def lowest(model: mujoco.MjModel, data: mujoco.MjData, contact: Contact) -> floa
     return min(heights)
 
 
-def refuse_overlap(fall: Fall) -> None:
-    """Refuse a fall whose rider starts inside something.
-
-    Raises:
-        SetupError: names the part of the body, what it is in, and how deep.
-    """
-    from helmet_sim_ros.model.world import build  # asks for this module itself
-
-    build(fall, fall.helmet_config)
-
-
-def _refuse(fall: Fall, body: str, shape: str, depth: float, height: float) -> None:
+def _refuse(fall: FallValues, body: str, shape: str, depth: float, height: float) -> None:
     key, value = "height", height
     allowed = (
         f"{body} starts {depth * 1e3:.0f} mm inside the {shape}; height must be at least "

@@ -34,19 +34,19 @@ from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.impact import Impact
 from helmet_sim_ros.model.loop import (
     WATCHED,
-    Clock,
-    Engine,
     Forces,
     Rows,
-    _mujoco_function,
+    Simulation,
     acceleration_,
     com_pos,
     energy_vel,
     factor_m,
     fast_forces,
+    has_foam,
     integrate_pos,
     kinematics,
     make_m,
+    mujoco_function,
     sample,
     slow_forces,
     velocity_,
@@ -54,7 +54,7 @@ from helmet_sim_ros.model.loop import (
 from helmet_sim_ros.model.setup import ImpactSetup
 from helmet_sim_ros.model.surface.carrier import carry
 
-_com_vel = _mujoco_function("mj_comVel")
+_com_vel = mujoco_function("mj_comVel")
 
 THIN = 2e-3  # s between samples where the head does not strike; choice
 LOOKS = 8  # fine steps from one look ahead to the next; choice
@@ -102,18 +102,27 @@ class Log(NamedTuple):
     energy: FloatArray
 
 
+class Course(NamedTuple):
+    """What stepping a fall needs beside the simulation.
+
+    Attributes:
+        pace: how long steps may be.
+        flight: what the present flight began with; state.
+        progress: where the fall is; state.
+    """
+
+    pace: Pace
+    flight: Flight
+    progress: Progress
+
+
 @compiled
 def apply_forces(forces: Forces, step: float, motion: Motion, loads: Loads) -> None:
     """Every force of the model in the present state, in the order of the stepping loop."""
     clear(loads)
-    slow_forces(
-        forces.stops, forces.neck, forces.landing, forces.own, forces.surface, step, motion, loads
-    )
-    fast_forces(
-        forces.fit, forces.outside, len(forces.liner.columns.area) > 0,
-        shell.spreads(forces.shell, forces.surface), forces.shell, forces.liner, forces.spring,
-        forces.surface, step, motion, loads,
-    )  # fmt: skip
+    slow_forces(forces, step, motion, loads)
+    bends = shell.spreads(forces.shell, forces.surface)
+    fast_forces(forces, has_foam(forces), bends, step, motion, loads)
 
 
 @compiled
@@ -127,14 +136,7 @@ def acts(surface: FloatArray) -> bool:
 
 @compiled
 def integrate(
-    engine: Engine,
-    motion: Motion,
-    loads: Loads,
-    pace: Pace,
-    step: float,
-    before: float,
-    state: int,
-    pressed: bool,
+    simulation: Simulation, pace: Pace, step: float, before: float, state: int, pressed: bool
 ) -> bool:
     """One step with the present forces; False: the acceleration is not finite.
 
@@ -146,6 +148,7 @@ def integrate(
         state: ``GROUND``, ``TOUCH`` (just after flight), or ``FLIGHT``.
         pressed: whether the helmet was struck a short time ago, or is pressed.
     """
+    engine, motion, loads, _, _ = simulation
     mass, diagonal, damping = engine.mass, engine.diagonal, pace.damping
     qpos, qvel, acceleration = motion.qpos, motion.qvel, engine.acceleration
     kick = 0.5 * (step + before)
@@ -203,27 +206,17 @@ def is_held(pace: Pace, qvel: FloatArray, progress: Progress, flying: bool) -> b
 
 @compiled
 def advance_fall(
-    engine: Engine,
-    motion: Motion,
-    loads: Loads,
-    forces: Forces,
-    pace: Pace,
-    flight: Flight,
-    progress: Progress,
-    clock: Clock,
-    log: Log,
-    first: int,
-    last: int,
-    duration: float,
+    simulation: Simulation, course: Course, log: Log, first: int, last: int, duration: float
 ) -> int:
-    """Step until row ``last`` is reached, or the duration [s].
+    """Step until row ``last`` is reached, or the duration [s]; ``first``: the next row.
 
     Returns:
         The number of rows, negative less 1 where the state left physics.
     """
+    engine, motion, loads, forces, clock = simulation
+    pace, flight, progress = course
     model, data = engine.model, engine.data
     time, steps, row = progress.time, progress.step, first
-    foam = len(forces.liner.columns.area) > 0
     while row < last and time[0] <= duration:
         flying = flight.since[0] >= 0.0
         kinematics(model, data)
@@ -270,7 +263,7 @@ def advance_fall(
                 if engine.energy[1] > clock.energy + since * (clock.power + since * clock.growth):
                     return -1 - row
             sample(engine, motion, loads, log.rows, row)
-            if foam:
+            if has_foam(forces):
                 liner.crush(forces.liner, forces.surface, motion, log.rows.crush[row])
             log.time[row] = time[0]
             log.dense[row] = fine
@@ -288,7 +281,7 @@ def advance_fall(
                     _com_vel(model, data)
             progress.due[0] = time[0] + pace.thin
             row += 1
-        if not integrate(engine, motion, loads, pace, step, before, state, pressed):
+        if not integrate(simulation, pace, step, before, state, pressed):
             return -1 - row
         pieces = max(1, round(step / PIECE))
         for _ in range(pieces):
@@ -327,23 +320,15 @@ class Falling(Impact):
             self._rows, np.zeros(ROWS), np.zeros(ROWS, dtype=bool), np.zeros(ROWS * energy)
         )
         self._time = self._log.time
-        self._flight = on_ground(self._model, self._data)
-        self._pace = pace_of(self, thin, limits or Limits())
-        self._progress = Progress(
-            np.zeros(1),
-            np.zeros(1),
-            np.full(1, -1.0),
-            np.full(1, -1, dtype=np.int64),
-            np.zeros(1),
-            np.zeros(1),
-            np.zeros(3, dtype=np.int64),
+        self._course = Course(
+            pace_of(self, thin, limits or Limits()), on_ground(self._model, self._data), at_start()
         )
         self.total = 0
 
     @property
     def is_over(self) -> bool:
         """Whether the duration is reached."""
-        return bool(self._progress.time[0] > self.setup.duration)
+        return bool(self._course.progress.time[0] > self.setup.duration)
 
     @property
     def dense(self) -> tuple[tuple[int, int], ...]:
@@ -375,13 +360,12 @@ class Falling(Impact):
             if self._done == len(self._time):
                 self._grow()
             done = advance_fall(
-                self._engine, self._motion, self._loads, self._forces, self._pace, self._flight,
-                self._progress, self._clock, self._log, self._done, min(last, len(self._time)),
+                self._simulation, self._course, self._log, self._done, min(last, len(self._time)),
                 self.setup.duration + 1e-9,
             )  # fmt: skip
             self._done = self.total = done if done >= 0 else -1 - done
             if done < 0:
-                raise DivergedError(float(self._progress.time[0]), self.setup.described())
+                raise DivergedError(float(self._course.progress.time[0]), self.setup.described())
         return self._done
 
     def extras(self) -> dict[str, Any]:
@@ -411,9 +395,18 @@ def _room(array: Any, done: int, size: int) -> Any:
     return larger
 
 
+def at_start() -> Progress:
+    """Of a fall that has not begun."""
+    return Progress(
+        np.zeros(1), np.zeros(1), np.full(1, -1.0), np.full(1, -1, dtype=np.int64), np.zeros(1),
+        np.zeros(1), np.zeros(3, dtype=np.int64),
+    )  # fmt: skip
+
+
 def pace_of(fall: Falling, thin: float, limits: Limits) -> Pace:
     """What the choice of the step knows of a fall."""
     model, layout, setup, helmet = fall._model, fall.layout, fall.setup, fall.helmet
+    forces, substeps = fall._simulation.forces, fall._simulation.clock.substeps
     stiffness, pressed = np.zeros(model.nv), np.zeros(model.nv)
     if helmet.coupling != "none":
         padding, axes = helmet.padding, np.array(helmet.shell.semi_axes)
@@ -423,17 +416,14 @@ def pace_of(fall: Falling, thin: float, limits: Limits) -> Pace:
         stiffness[dof : dof + 3] = around
         stiffness[dof + 3 : dof + 6] = around * float(np.min(axes)) ** 2
     if layout.slide_velocity >= 0:
-        law, slides = (
-            fall._forces.spring.law,
-            slice(layout.slide_velocity, layout.slide_velocity + 3),
-        )
+        law = forces.spring.law
+        slides = slice(layout.slide_velocity, layout.slide_velocity + 3)
         stiffness[slides] = float((law[:, 0] * law[:, 1]).max())
         pressed[slides] = helmet.shell.contact_stiffness / helmet.shell.contact_returned
     pressed += HELD * stiffness
     stiffness *= PADDED
-    substeps = fall._clock.substeps
     return Pace(
         setup.time_step / substeps, substeps, thin,
         np.isin(fall.contact.body, [layout.helmet, layout.head]),
-        stiffness, pressed, model.dof_damping.copy(), fall._forces.stops.qvel.copy(), limits,
+        stiffness, pressed, model.dof_damping.copy(), forces.stops.qvel.copy(), limits,
     )  # fmt: skip

@@ -129,13 +129,10 @@ def touch(
 ) -> tuple[float, Vec, Vec]:
     """How deep ellipsoid i lies in shape k of the surface [m] (0 or less: no contact), its deepest
     point, and the shape's outward normal there, world axes."""
-    cx, cy, cz = center_of(contact, motion, i)
-    ax, ay, az = row(contact.semi_axes, i)
-    depth, px, py, pz, nx, ny, nz = deepest_point(
-        surface, k, cx, cy, cz, motion.rotation[contact.body[i]], ax, ay, az,
-        contact.direction[i, k],
+    return deepest_point(
+        surface, k, center_of(contact, motion, i), motion.rotation[contact.body[i]],
+        row(contact.semi_axes, i), contact.direction[i, k],
     )  # fmt: skip
-    return depth, (px, py, pz), (nx, ny, nz)
 
 
 @compiled

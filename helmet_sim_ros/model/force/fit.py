@@ -21,13 +21,14 @@ from helmet_sim_ros.model.compiled import compiled, inlined
 from helmet_sim_ros.model.force.bodies import Loads, Motion
 from helmet_sim_ros.model.force.friction import friction_force
 from helmet_sim_ros.model.force.vector import (
-    Mat,
     Vec,
     across,
     add,
     cross,
     dot,
+    matrix_of,
     norm,
+    quaternion,
     row,
     scaled,
     sub,
@@ -231,17 +232,6 @@ def above_head(point: Vec, inverse: Vec) -> tuple[float, Vec]:
 
 
 @inlined
-def rotation_of(qpos: FloatArray, first: int) -> Mat:
-    """The rotation matrix of a unit quaternion w, x, y, z."""
-    w, x, y, z = qpos[first], qpos[first + 1], qpos[first + 2], qpos[first + 3]
-    return (
-        1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y),
-        2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x),
-        2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y),
-    )  # fmt: skip
-
-
-@inlined
 def strap_force(strap: Strap, anchor: Vec, velocity: Vec) -> Vec:
     """Force [N] of one side of the strap on the helmet at its anchor, head axes.
 
@@ -305,7 +295,7 @@ def apply(fit: Fit, step: float, motion: Motion, loads: Loads) -> None:
     points, areas, sticks, deepest = fit.point, fit.area, fit.stick, fit.deepest
     padding, strap = fit.padding, fit.strap
     shift = (qpos[q], qpos[q + 1], qpos[q + 2])
-    rotation = rotation_of(qpos, q + 3)
+    rotation = matrix_of(quaternion(qpos, q + 3))
     speed = (qvel[v], qvel[v + 1], qvel[v + 2])
     # A ball joint's velocity is in the axes of the child.
     spin = turned(rotation, (qvel[v + 3], qvel[v + 4], qvel[v + 5]))
@@ -364,7 +354,7 @@ def held_energy(fit: Fit, qpos: FloatArray) -> float:
         return 0.0
     padding, strap = fit.padding, fit.strap
     shift = (qpos[fit.slide], qpos[fit.slide + 1], qpos[fit.slide + 2])
-    rotation = rotation_of(qpos, fit.slide + 3)
+    rotation = matrix_of(quaternion(qpos, fit.slide + 3))
     held = 0.0
     for i in range(len(fit.area)):
         largest = fit.deepest[i]

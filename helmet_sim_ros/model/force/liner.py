@@ -341,13 +341,11 @@ def crush(liner: CrushingLiner, surface: Surface, motion: Motion, deepest: Float
     if liner.measured:
         deepest_column(liner, surface, motion, deepest)
         return
-    cx, cy, cz = world_point(rigid(motion, liner.helmet), liner.center)
-    ax, ay, az = liner.semi_axes
+    center = world_point(rigid(motion, liner.helmet), liner.center)
     for k in range(len(surface.kind)):
-        depth, _, _, _, nx, ny, nz = deepest_point(
-            surface, k, cx, cy, cz, motion.rotation[liner.helmet], ax, ay, az,
-            liner.direction[k],
-        )  # fmt: skip
+        depth, _, (nx, ny, nz) = deepest_point(
+            surface, k, center, motion.rotation[liner.helmet], liner.semi_axes, liner.direction[k]
+        )
         if depth > most:
             most = depth
             deepest[0], deepest[1], deepest[2] = depth * nx, depth * ny, depth * nz

@@ -214,13 +214,12 @@ def survey(plate: Plate, surface: Surface, i: int, j: int) -> None:
 def engage(plate: Plate, liner: CrushingLiner, surface: Surface, motion: Motion) -> bool:
     """Lay the plate into the tangent plane of the deepest contact; False: there is none yet."""
     helmet = rigid(motion, liner.helmet)
-    cx, cy, cz = world_point(helmet, liner.center)
-    ax, ay, az = liner.semi_axes
+    center = world_point(helmet, liner.center)
     most = 0.0
     f = plate.frame
     for k in range(len(surface.kind)):
-        depth, px, py, pz, nx, ny, nz = deepest_point(
-            surface, k, cx, cy, cz, motion.rotation[liner.helmet], ax, ay, az, liner.direction[k]
+        depth, (px, py, pz), (nx, ny, nz) = deepest_point(
+            surface, k, center, motion.rotation[liner.helmet], liner.semi_axes, liner.direction[k]
         )
         if depth > most:
             most = depth

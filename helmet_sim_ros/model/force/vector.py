@@ -8,6 +8,8 @@ from helmet_sim_ros.model.compiled import compiled, inlined
 Vec = tuple[float, float, float]
 #: A rotation matrix, row by row.
 Mat = tuple[float, float, float, float, float, float, float, float, float]
+#: A unit quaternion w, x, y, z.
+Quat = tuple[float, float, float, float]
 
 
 @inlined
@@ -87,6 +89,23 @@ def matrix(array: FloatArray, i: int) -> Mat:
     return (
         array[i, 0], array[i, 1], array[i, 2], array[i, 3], array[i, 4], array[i, 5], array[i, 6],
         array[i, 7], array[i, 8],
+    )  # fmt: skip
+
+
+@inlined
+def quaternion(array: FloatArray, first: int) -> Quat:
+    """The four numbers of an array from the first on."""
+    return array[first], array[first + 1], array[first + 2], array[first + 3]
+
+
+@inlined
+def matrix_of(q: Quat) -> Mat:
+    """The rotation matrix of a unit quaternion."""
+    w, x, y, z = q
+    return (
+        1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y),
+        2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x),
+        2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y),
     )  # fmt: skip
 
 

@@ -9,11 +9,10 @@ from numba import types
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.model.compiled import compiled
 from helmet_sim_ros.model.force import neck
-from helmet_sim_ros.model.force.bodies import Loads, Motion, add_generalised, clear
+from helmet_sim_ros.model.force.bodies import Motion, add_generalised, clear
 from helmet_sim_ros.model.force.vector import add, cross, matrix, row, sub, turned_back
 from helmet_sim_ros.model.loop import (
-    Engine,
-    Forces,
+    Simulation,
     acceleration_,
     com_pos,
     energy_vel,
@@ -45,28 +44,20 @@ def joint_velocity(carrier: Carrier, slow: FloatArray, time: float, impulse: Flo
 
 
 @compiled
-def renew(
-    engine: Engine,
-    motion: Motion,
-    loads: Loads,
-    forces: Forces,
-    carried: Carried,
-    carrier: Carrier,
-    length: float,
-) -> None:
+def renew(simulation: Simulation, carried: Carried, carrier: Carrier, length: float) -> None:
     """Take kinematics, inertia, bias and slow forces at the middle of a large step.
 
     Args:
-        loads: of the slow forces.
+        simulation: whose loads become those of the slow forces.
         length: H [s].
 
     ``engine.acceleration`` gets the slow acceleration, ``engine.energy`` the body's energy; qpos
     is as before, qvel that of the middle.
     """
+    engine, motion, loads, forces, _ = simulation
     model, data = engine.model, engine.data
     qpos, qvel, mass, diagonal = motion.qpos, motion.qvel, engine.mass, engine.diagonal
     start, latest, mean = carrier.velocity, carrier.latest, carrier.mean
-    struck, _, stopped, necked, _, touching, _, _, _, _, own = forces
     count = 9 if carried.spring >= 0 else 6
     first, last = carried.slide_velocity, carried.slide_velocity + count
     # In a leapfrog velocities stand half a fine step before their positions, and so does the
@@ -86,11 +77,11 @@ def renew(
     energy_vel(model, data)
     velocity_(model, data)
     clear(loads)
-    slow_forces(stopped, necked, touching, own, struck, length, motion, loads)
+    slow_forces(forces, length, motion, loads)
     # Damping by the trapezoidal rule: the joints' by the velocity at the start. The neck's stops
     # act by that of the middle; what they lack to the rule is made up for, to keep it stable.
     mean[:] = 0.0
-    neck.damping(necked, loads.generalised, mean)
+    neck.damping(forces.neck, loads.generalised, mean)
     add_generalised(motion, loads, engine.chains)
     loads.generalised[first:last] = 0.0  # what the body pushes the helmet with acts on the head
     for j in range(len(diagonal)):

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helmet_sim_ros.biomech.record import FloatArray
+from helmet_sim_ros.model.force.bodies import Chains, Loads, chain_of, no_loads
 from helmet_sim_ros.model.force.vector import Mat, Vec
 from helmet_sim_ros.model.layout import Layout
 
@@ -125,6 +126,20 @@ class Carrier(NamedTuple):
     scratch: Scratch
 
 
+class Rates(NamedTuple):
+    """What stepping at several rates needs beside the simulation.
+
+    Attributes:
+        carried: head and helmet.
+        carrier: of the large step.
+        loads: of the fine forces.
+    """
+
+    carried: Carried
+    carrier: Carrier
+    loads: Loads
+
+
 def _solid(model: mujoco.MjModel, bodies: list[int]) -> Solid:
     """Bodies that are fixed to the first of them, frames aligned, as one."""
     masses = [float(model.body_mass[b]) for b in bodies]
@@ -142,7 +157,13 @@ def _solid(model: mujoco.MjModel, bodies: list[int]) -> Solid:
     return Solid(mass, *flat)  # type: ignore[arg-type]
 
 
-def carried(model: mujoco.MjModel, layout: Layout, chain: NDArray[np.int64]) -> Carried:
+def rates(model: mujoco.MjModel, data: mujoco.MjData, layout: Layout, chains: Chains) -> Rates:
+    """Of a simulation that starts."""
+    chain = chain_of(chains, layout.head)
+    return Rates(_carried(model, layout, chain), _carrier(model, data), no_loads(model))
+
+
+def _carried(model: mujoco.MjModel, layout: Layout, chain: NDArray[np.int64]) -> Carried:
     """Head and helmet of a model; ``chain``: the degrees of freedom that move the head."""
     sprung = layout.slide >= 0
     inner = int(model.body("helmet_inside").id) if sprung else layout.helmet
@@ -166,7 +187,7 @@ def carried(model: mujoco.MjModel, layout: Layout, chain: NDArray[np.int64]) -> 
     )  # fmt: skip
 
 
-def carrier(model: mujoco.MjModel, data: mujoco.MjData) -> Carrier:
+def _carrier(model: mujoco.MjModel, data: mujoco.MjData) -> Carrier:
     """Working memory for a simulation that starts."""
     nv = model.nv
     return Carrier(

@@ -6,12 +6,14 @@ import numpy as np
 
 from helmet_sim_ros.model.compiled import compiled
 from helmet_sim_ros.model.force import liner, shell
-from helmet_sim_ros.model.force.bodies import Loads, Motion, clear
+from helmet_sim_ros.model.force.bodies import clear
 from helmet_sim_ros.model.force.vector import (
     add,
     cross,
     dot,
     matrix,
+    matrix_of,
+    quaternion,
     row,
     scaled,
     sub,
@@ -19,43 +21,30 @@ from helmet_sim_ros.model.force.vector import (
     turned_back,
     write,
 )
-from helmet_sim_ros.model.loop import Clock, Engine, Forces, Rows, fast_forces, integrate_pos
+from helmet_sim_ros.model.loop import Rows, Simulation, fast_forces, integrate_pos
 from helmet_sim_ros.model.rates.large import head_rate, joint_velocity, next_length, renew
-from helmet_sim_ros.model.rates.parts import Carried, Carrier
-from helmet_sim_ros.model.rates.turning import conjugate, matrix_of, put, times, turned_by
+from helmet_sim_ros.model.rates.parts import Rates
+from helmet_sim_ros.model.rates.turning import conjugate, put, times, turned_by
 
 
 @compiled
-def advance_several(
-    engine: Engine,
-    motion: Motion,
-    slow_loads: Loads,
-    loads: Loads,
-    forces: Forces,
-    clock: Clock,
-    carried: Carried,
-    carrier: Carrier,
-    rows: Rows,
-    last: int,
-) -> int:
+def advance_several(simulation: Simulation, rates: Rates, rows: Rows, last: int) -> int:
     """Step until sample ``last`` is reached or passed; each row is the state before its step.
 
     Args:
-        engine, motion: of one simulation.
-        slow_loads: written to MuJoCo's applied forces; ``loads``: of the fine forces.
-        forces, carrier: their states are changed in place.
-        clock: fine step and steps per sample.
+        simulation: whose clock has the fine step, and whose loads are those of the slow forces.
+        rates: of it.
         rows: samples to write.
 
     Returns:
         The number of samples written, or the index of the first sample at or after which the state
         has left physics.
     """
+    engine, motion, slow_loads, forces, clock = simulation
+    carried, carrier, loads = rates
     model, step = engine.model, clock.step
     qpos, qvel, slow = motion.qpos, motion.qvel, engine.acceleration
-    struck, sprung, _, _, _, _, outside, crushing, plate, fitted, _ = forces
-    foam = carried.spring < 0
-    bends = shell.spreads(plate, struck)
+    foam, bends = carried.spring < 0, shell.spreads(forces.shell, forces.surface)
     first, chest, helmet = carried.slide, carried.head, carried.helmet
     first_v, spring, spring_v = carried.slide_velocity, carried.spring, carried.spring_velocity
     skull, inner, struck_shell, gauges = (
@@ -80,7 +69,7 @@ def advance_several(
         length = count * step
         write(start_q, qpos)
         write(start_v, qvel)
-        renew(engine, motion, slow_loads, forces, carried, carrier, length)
+        renew(simulation, carried, carrier, length)
         head_rate(motion, carried, carrier, slow, twist, drift, turning)
         following = next_length(carrier, drift, length)
         o = (motion.origin[0], motion.origin[1], motion.origin[2])
@@ -96,8 +85,7 @@ def advance_several(
             back[k] = twist[k] + 0.5 * (way + step) * back[k] - 0.5 * way * turning[k]
             twist[k] -= 0.5 * length * turning[k]
         spin = (back[0], back[1], back[2])
-        q = carrier.quaternion[chest]
-        head_q = (q[0], q[1], q[2], q[3])
+        head_q = quaternion(carrier.quaternion[chest], 0)
         middle_r = matrix(motion.rotation, chest)
         head_q = turned_by(head_q, spin, -way)
         head_p = sub(
@@ -112,9 +100,7 @@ def advance_several(
         write(qpos, start_q)
         write(qvel, start_v)
         head_r = matrix_of(head_q)
-        helmet_q = times(
-            head_q, (qpos[first + 3], qpos[first + 4], qpos[first + 5], qpos[first + 6])
-        )
+        helmet_q = times(head_q, quaternion(qpos, first + 3))
         helmet_r = matrix_of(helmet_q)
         shift = (qpos[first], qpos[first + 1], qpos[first + 2])
         helmet_p = add(head_p, turned(head_r, shift))
@@ -196,9 +182,7 @@ def advance_several(
                 rotation_0[k] = head_r[k]
 
             clear(loads)
-            fast_forces(
-                fitted, outside, foam, bends, plate, crushing, sprung, struck, step, motion, loads
-            )
+            fast_forces(forces, foam, bends, step, motion, loads)
             # On the helmet, world axes, moments about the mass centres.
             fit = turned(head_r, (
                 generalised[first_v], generalised[first_v + 1], generalised[first_v + 2]
@@ -287,7 +271,7 @@ def advance_several(
                     for j in range(rows.surface.shape[2]):
                         rows.surface[i, k, j] = loads.surface[k, j] + slow_loads.surface[k, j]
                 if foam:
-                    liner.crush(crushing, struck, motion, rows.crush[i])
+                    liner.crush(forces.liner, forces.surface, motion, rows.crush[i])
             # Leapfrog: velocities, then positions by the new ones.
             spun = turned(inner.inertia, spin_1)
             put(carrier.rates, 0, (rate[0], rate[1], rate[2]))

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.model.compiled import compiled, inlined
-from helmet_sim_ros.model.force.vector import Mat, Vec
-
-Quat = tuple[float, float, float, float]
+from helmet_sim_ros.model.force.vector import Quat, Vec
 
 
 @inlined
@@ -19,17 +17,6 @@ def turned_by(q: Quat, spin: Vec, time: float) -> Quat:
     d = q[3] + q[0] * z + q[1] * y - q[2] * x
     size = 1.0 / (a * a + b * b + c * c + d * d) ** 0.5
     return a * size, b * size, c * size, d * size
-
-
-@inlined
-def matrix_of(q: Quat) -> Mat:
-    """The rotation matrix of a unit quaternion."""
-    w, x, y, z = q
-    return (
-        1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y),
-        2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x),
-        2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y),
-    )  # fmt: skip
 
 
 @inlined

@@ -1,10 +1,9 @@
-"""Surface configuration: shapes and the point where the helmet meets them; ``config/surfaces``."""
+"""Surface configuration: shapes and the point where the helmet meets them."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -25,11 +24,8 @@ from helmet_sim_ros.model.surface.compiled import (
     at_rest,
 )
 from helmet_sim_ros.model.surface.parts import KINDS, HalfSpace, Part, Target, part_of
-from helmet_sim_ros.resources import find_config
 from helmet_sim_ros.schema import Config, quantity
-from helmet_sim_ros.yaml_file import read_yaml
 
-SCENE = "scene:"  # begins the name of a surface that is a scene
 ON_SURFACE = 1e-6  # m, how far from the surface a target may be
 PROBE = 1e-3  # m, along a normal; the distance grows as much, and only along a normal
 SLACK = 1e-6  # of that growth; the normal may be off by 0.08 deg
@@ -197,25 +193,3 @@ def compile_parts(
         np.array([part.size for part in parts], dtype=float),
         np.array(friction, dtype=float),
     )
-
-
-@lru_cache(maxsize=64)
-def _load(path: Path, _mtime_ns: int) -> SurfaceConfig:
-    return SurfaceConfig.from_mapping(  # type: ignore[no-any-return]
-        read_yaml(path, "impact.surface"), str(path)
-    )
-
-
-def load_surface(name_or_path: str) -> SurfaceConfig:
-    """The surface of ``config/surfaces/NAME.yaml``, or of any YAML file by path; ``scene:NAME`` is
-    the scene of ``config/scenes/NAME.yaml`` as one surface.
-
-    Raises:
-        SetupError: unknown name, unreadable file, or a refused value in it.
-    """
-    if name_or_path.startswith(SCENE):
-        from helmet_sim_ros.model.surface.scenes import load_scene
-
-        return load_scene(name_or_path.removeprefix(SCENE), "impact.surface")
-    path = find_config("surfaces", name_or_path, "impact.surface")
-    return _load(path, path.stat().st_mtime_ns)

@@ -35,15 +35,11 @@ Pose = tuple[
 def deepest_point(
     surface: Surface,
     i: int,
-    cx: float,
-    cy: float,
-    cz: float,
+    center: Vector,
     rotation: FloatArray,
-    ax: float,
-    ay: float,
-    az: float,
+    semi_axes: Vector,
     guess: FloatArray,
-) -> tuple[float, float, float, float, float, float, float]:
+) -> tuple[float, Vector, Vector]:
     """The point of an ellipsoid's surface with the least signed distance from a shape.
 
     A half space has a closed form. Otherwise Newton's method over the directions of the unit
@@ -53,9 +49,9 @@ def deepest_point(
     Args:
         surface: compiled shapes.
         i: index of the shape.
-        cx, cy, cz: centre of the ellipsoid, world axes [m].
+        center: of the ellipsoid, world axes [m].
         rotation: ellipsoid axes to world, row-major, (9,).
-        ax, ay, az: semi-axes [m].
+        semi_axes: of the ellipsoid [m].
         guess: direction to start from, on the unit sphere whose image is the ellipsoid, ellipsoid
             axes, (3,); zeros: none. Replaced by the result.
 
@@ -63,10 +59,12 @@ def deepest_point(
         Depth [m], above 0 in contact; the point, world axes [m]; outward normal of the shape there,
         world axes. On a crease: the normal that lies opposite to the ellipsoid's own.
     """
+    cx, cy, cz = center
     m, o, s = rotation, surface.position, surface.rotation
     ox, oy, oz = o[i, 0], o[i, 1], o[i, 2]
     kind = surface.kind[i]
     if kind == HALF_SPACE:
+        ax, ay, az = semi_axes
         nx, ny, nz = s[i, 2], s[i, 5], s[i, 8]
         dx = -(m[0] * nx + m[3] * ny + m[6] * nz)
         dy = -(m[1] * nx + m[4] * ny + m[7] * nz)
@@ -78,25 +76,26 @@ def deepest_point(
         py = cy + m[3] * lx + m[4] * ly + m[5] * lz
         pz = cz + m[6] * lx + m[7] * ly + m[8] * lz
         distance = nx * (px - ox) + ny * (py - oy) + nz * (pz - oz)
-        return -distance, px, py, pz, nx, ny, nz
+        return -distance, (px, py, pz), (nx, ny, nz)
 
-    depth, px, py, pz, nx, ny, nz, ux, uy, uz = _curved(
+    depth, about_origin, normal, u = _curved(
         kind,
         size_of(surface, i),
         (s[i, 0], s[i, 1], s[i, 2], s[i, 3], s[i, 4], s[i, 5], s[i, 6], s[i, 7], s[i, 8]),
         (cx - ox, cy - oy, cz - oz),
         (m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7], m[8]),
-        (ax, ay, az),
+        semi_axes,
         (guess[0], guess[1], guess[2]),
     )
-    guess[0], guess[1], guess[2] = ux, uy, uz
-    return depth, px + ox, py + oy, pz + oz, nx, ny, nz
+    guess[0], guess[1], guess[2] = u
+    x, y, z = about_origin
+    return depth, (x + ox, y + oy, z + oz), normal
 
 
 @compiled
 def _curved(
     kind: int, size: Size, r: Rotation, q: Vector, m: Rotation, semi_axes: Vector, guess: Vector
-) -> tuple[float, float, float, float, float, float, float, float, float, float]:
+) -> tuple[float, Vector, Vector, Vector]:
     """:func:`deepest_point` for every other shape, about its origin; and the direction found.
 
     Args:
@@ -147,11 +146,14 @@ def _curved(
     lx, ly, lz = ax * u[0], ay * u[1], az * u[2]
     return (
         -distance,
-        qx + m[0] * lx + m[1] * ly + m[2] * lz,
-        qy + m[3] * lx + m[4] * ly + m[5] * lz,
-        qz + m[6] * lx + m[7] * ly + m[8] * lz,
-        nx, ny, nz, u[0], u[1], u[2],
-    )  # fmt: skip
+        (
+            qx + m[0] * lx + m[1] * ly + m[2] * lz,
+            qy + m[3] * lx + m[4] * ly + m[5] * lz,
+            qz + m[6] * lx + m[7] * ly + m[8] * lz,
+        ),
+        (nx, ny, nz),
+        u,
+    )
 
 
 @compiled

@@ -1,7 +1,7 @@
-"""Scenes: what surrounds a fall, composed of surfaces in their places; ``config/scenes``.
+"""Surfaces and scenes by name; ``config/surfaces``, ``config/scenes``.
 
-A scene is a surface of many shapes, some of which move. The rider starts over the origin and
-heads along x (heading 0).
+A scene is what surrounds a fall, composed of surfaces in their places: a surface of many shapes,
+some of which move. The rider starts over the origin and heads along x (heading 0).
 """
 
 from __future__ import annotations
@@ -9,17 +9,17 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from functools import lru_cache
-from pathlib import Path
 from typing import Any, NamedTuple
 
 from pydantic import Field, model_validator
 
+from helmet_sim_ros.config_file import load_config
 from helmet_sim_ros.errors import SetupError
-from helmet_sim_ros.model.surface.config import SurfaceConfig, load_surface
+from helmet_sim_ros.model.surface.config import SurfaceConfig
 from helmet_sim_ros.model.surface.parts import HalfSpace, Part, Vector
-from helmet_sim_ros.resources import find_config
 from helmet_sim_ros.schema import Config, quantity
-from helmet_sim_ros.yaml_file import read_yaml
+
+SCENE = "scene:"  # begins the name of a surface that is a scene
 
 
 class Placed(Config):
@@ -45,7 +45,7 @@ class Placed(Config):
         angle = math.radians(self.heading_deg)
         c, s = math.cos(angle), math.sin(angle)
         placed = []
-        surface = load_surface(self.surface)
+        surface = load_config(SurfaceConfig, "surfaces", self.surface, "surface")
         for part in surface.shapes:
             x, y, z = part.position
             position = (
@@ -169,9 +169,16 @@ def driven(scene: SceneConfig, drive: Drive) -> SceneConfig:
     )
 
 
-@lru_cache(maxsize=32)
-def _load(path: Path, _mtime_ns: int, key: str) -> SceneConfig:
-    return SceneConfig.from_mapping(read_yaml(path, key), str(path))  # type: ignore[no-any-return]
+def load_surface(name_or_path: str) -> SurfaceConfig:
+    """The surface of ``config/surfaces/NAME.yaml``, or of any YAML file by path; ``scene:NAME`` is
+    the scene of ``config/scenes/NAME.yaml`` as one surface.
+
+    Raises:
+        SetupError: unknown name, unreadable file, or a refused value in it.
+    """
+    if name_or_path.startswith(SCENE):
+        return load_scene(name_or_path.removeprefix(SCENE), "impact.surface")
+    return load_config(SurfaceConfig, "surfaces", name_or_path, "impact.surface")
 
 
 def load_scene(name_or_path: str, key: str = "fall.scene") -> SceneConfig:
@@ -182,6 +189,5 @@ def load_scene(name_or_path: str, key: str = "fall.scene") -> SceneConfig:
         SetupError: unknown name, unreadable file, or a refused value in it.
     """
     name_or_path, at, text = name_or_path.partition("@")
-    path = find_config("scenes", name_or_path, key)
-    scene = _load(path, path.stat().st_mtime_ns, key)
+    scene = load_config(SceneConfig, "scenes", name_or_path, key)
     return driven(scene, Drive.read(text, key)) if at else scene

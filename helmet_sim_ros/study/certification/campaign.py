@@ -14,7 +14,7 @@ from helmet_sim_ros.errors import SetupError
 from helmet_sim_ros.model.geometry import read_geometry
 from helmet_sim_ros.model.helmet import Helmet, load_helmet
 from helmet_sim_ros.model.setup import ImpactSetup, setup_from_names
-from helmet_sim_ros.model.surface.config import load_surface
+from helmet_sim_ros.model.surface.scenes import load_surface
 from helmet_sim_ros.study.certification.protocol import Point, Protocol, Test
 from helmet_sim_ros.study.certification.sizes import remade
 

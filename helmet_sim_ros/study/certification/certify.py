@@ -14,8 +14,8 @@ import numpy as np
 from helmet_sim_ros.biomech.evaluation import evaluate
 from helmet_sim_ros.biomech.record import FloatArray, ImpactRecord
 from helmet_sim_ros.biomech.result import Criterion, Evaluation
-from helmet_sim_ros.model.impact import simulate
 from helmet_sim_ros.model.placement import site_deg
+from helmet_sim_ros.model.simulate import simulate
 from helmet_sim_ros.study.certification.campaign import Campaign, Hit, make_campaign
 from helmet_sim_ros.study.certification.protocol import load_protocol
 

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from pathlib import Path
 from typing import Literal
 
 from pydantic import Field, model_validator
 
 from helmet_sim_ros.biomech.standards import load_standard
+from helmet_sim_ros.config_file import load_config
 from helmet_sim_ros.errors import Problem, SetupError
 from helmet_sim_ros.model.headform import load_headform
-from helmet_sim_ros.model.surface.config import load_surface
-from helmet_sim_ros.resources import find_config
+from helmet_sim_ros.model.surface.scenes import load_surface
 from helmet_sim_ros.schema import Config, quantity
-from helmet_sim_ros.yaml_file import read_yaml
 
 
 class Number(Config):
@@ -129,11 +127,6 @@ def _refused(load: object, name: str, key: str) -> list[Problem]:
     return []
 
 
-@lru_cache(maxsize=64)
-def _load(path: Path, _mtime_ns: int) -> Protocol:
-    return Protocol.from_mapping(read_yaml(path, "protocol"), str(path))  # type: ignore[no-any-return]
-
-
 def load_protocol(name_or_path: str | Path) -> Protocol:
     """The protocol of ``config/protocols/NAME.yaml``, or of any YAML file by path.
 
@@ -141,5 +134,4 @@ def load_protocol(name_or_path: str | Path) -> Protocol:
         SetupError: unknown name, unreadable file, or a refused value in it: an unknown anvil,
             point, headform or criterion among them.
     """
-    path = find_config("protocols", str(name_or_path), "protocol")
-    return _load(path, path.stat().st_mtime_ns)
+    return load_config(Protocol, "protocols", str(name_or_path), "protocol")

@@ -17,8 +17,8 @@ from helmet_sim_ros.model.force.foam import bottoming_strain
 from helmet_sim_ros.model.head_surface import HeadSurface
 from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.identified import SIDES
-from helmet_sim_ros.model.impact import simulate
 from helmet_sim_ros.model.setup import ImpactSetup
+from helmet_sim_ros.model.simulate import simulate
 from helmet_sim_ros.study.scenario.matrix import load_scenario
 
 #: Zone of the helmet that each striking part belongs to.

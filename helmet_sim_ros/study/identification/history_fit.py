@@ -18,8 +18,8 @@ from scipy.stats import t as student
 from helmet_sim_ros.biomech.pulse import STANDARD_GRAVITY, FloatArray
 from helmet_sim_ros.errors import SetupError
 from helmet_sim_ros.model.helmet import Helmet
-from helmet_sim_ros.model.impact import simulate
 from helmet_sim_ros.model.setup import ImpactSetup
+from helmet_sim_ros.model.simulate import simulate
 from helmet_sim_ros.schema import leaf_values
 from helmet_sim_ros.study.identification.histories import MeasuredDrop
 

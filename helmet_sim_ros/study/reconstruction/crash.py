@@ -85,7 +85,7 @@ def residual_crush(scene: Scene, points: Sequence[FloatArray] | FloatArray) -> F
     def one(parameters: FloatArray) -> FloatArray:
         impact = Impact(setup_of(scene, parameters))
         try:
-            impact.advance(impact.total)
+            impact.run()
         except DivergedError:
             return np.full(len(impact.extras()["residual_crush"]), np.nan)
         crush: FloatArray = impact.extras()["residual_crush"]

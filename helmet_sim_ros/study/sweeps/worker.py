@@ -49,9 +49,9 @@ def run_chunk(job: Job, chunk: Sequence[Mapping[str, object]]) -> list[Outcome]:
     from helmet_sim_ros.biomech.evaluation import evaluate
     from helmet_sim_ros.biomech.record import ImpactRecord, is_fall
     from helmet_sim_ros.model.fall.setup import Fall, setup_or_fall
-    from helmet_sim_ros.model.fall.stepping import Falling
     from helmet_sim_ros.model.impact import Impact
     from helmet_sim_ros.model.setup import ImpactSetup
+    from helmet_sim_ros.model.simulate import begun
     from helmet_sim_ros.study.falls.measures import judge_fall
 
     def planned(values: Mapping[str, object]) -> tuple[int, ImpactSetup | Fall]:
@@ -61,15 +61,11 @@ def run_chunk(job: Job, chunk: Sequence[Mapping[str, object]]) -> list[Outcome]:
     def samples(plan: tuple[int, ImpactSetup | Fall]) -> int:
         return plan[0]
 
-    def begun(plan: tuple[int, ImpactSetup | Fall]) -> Impact:
-        setup = plan[1]
-        return Falling(setup) if isinstance(setup, Fall) else Impact(setup)
+    def started(plan: tuple[int, ImpactSetup | Fall]) -> Impact:
+        return begun(plan[1])
 
     def advanced(impact: Impact) -> Impact:
-        if isinstance(impact, Falling):
-            impact.run()
-        else:
-            impact.advance(impact.total)
+        impact.run()
         return impact
 
     def judged(record: ImpactRecord) -> Outcome:
@@ -83,7 +79,7 @@ def run_chunk(job: Job, chunk: Sequence[Mapping[str, object]]) -> list[Outcome]:
 
     outcomes: list[Outcome] = []
     for block in _blocks(_tried(planned, chunk), samples):
-        records = _tried(Impact.record, _tried(advanced, _tried(begun, block)))
+        records = _tried(Impact.record, _tried(advanced, _tried(started, block)))
         outcomes += _tried(judged, records)
     return outcomes
 

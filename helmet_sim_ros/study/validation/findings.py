@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 from helmet_sim_ros.biomech.evaluation import evaluate
 from helmet_sim_ros.errors import HelmetSimError, SetupError
-from helmet_sim_ros.model.impact import simulate
 from helmet_sim_ros.model.setup import ImpactSetup
+from helmet_sim_ros.model.simulate import simulate
 from helmet_sim_ros.study.scenario.matrix import Case
 from helmet_sim_ros.study.scenario.reference import load_reference
 from helmet_sim_ros.study.validation.experiments import Experiment, Value

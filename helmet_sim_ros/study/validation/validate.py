@@ -128,7 +128,7 @@ def _refined(
 def _peaks(setup: ImpactSetup) -> tuple[float, ...]:
     """Peak acceleration, peak normal force, and force ratio where there is friction at all."""
     impact = Impact(setup)
-    impact.advance(impact.total)
+    impact.run()
     result = evaluate(impact.record())
     peaks = (float(result.peak_g), float(result.peak_normal_force))
     return (*peaks, float(result.force_ratio)) if setup.tangential_velocity else peaks
