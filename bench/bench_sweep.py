@@ -24,6 +24,7 @@ import numpy as np
 import psutil
 
 from helmet_sim_ros import ImpactSetup, evaluate, simulate
+from helmet_sim_ros.model.force.contact import touch
 from helmet_sim_ros.model.impact import Impact
 from helmet_sim_ros.study import sweep
 from helmet_sim_ros.study.sweeps import engine as engines
@@ -304,9 +305,11 @@ def contacts(values: dict[str, Any]) -> int:
     impact, most = Impact(_setup(values)), 0
     while impact.done_samples < impact.total:
         impact.advance(10)
-        data = impact._data
-        below = impact.shapes.lowest_points(data.xpos, data.xmat) < 0.0
-        most = max(most, int(below.sum()))
+        touching = [
+            touch(impact.contact, impact.surface, 0, impact._simulation.motion, i)[0] > 0.0
+            for i in range(len(impact.contact.body))
+        ]
+        most = max(most, sum(touching))
     return most
 
 

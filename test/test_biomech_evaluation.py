@@ -138,6 +138,16 @@ def test_a_head_that_hardly_moves_says_nothing_about_the_unit_of_its_acceleratio
             evaluate(replace(record, head_acceleration=record.head_acceleration * factor))
 
 
+def test_a_record_without_joints_makes_a_block() -> None:
+    record = drop_record()
+    bare = replace(record, joint_positions=np.zeros((0, 0)), joint_velocities=np.zeros((0, 0)))
+    block = to_block(bare)
+    assert block.shape == (len(record.time), len(block_labels(())))
+    none = np.zeros((len(record.time), 0))
+    again = replace(record, joint_positions=none, joint_velocities=none)
+    assert same_samples(from_block(block_labels(()), block), again)
+
+
 def test_a_block_gives_back_its_record_bit_for_bit() -> None:
     turns = np.linspace(0.0, 0.3, 801)[:, None]
     record = replace(

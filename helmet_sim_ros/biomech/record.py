@@ -257,7 +257,8 @@ def to_block(record: ImpactRecord) -> FloatArray:
     """All samples as one array, shape (n, len(record.labels)), exact."""
     columns = [record.time[:, None]]
     columns += [getattr(record, name) for name in CHANNELS]
-    columns += [record.joint_positions, record.joint_velocities]
+    joints = len(record.time), len(record.joint_names)  # a record made by hand may have none
+    columns += [record.joint_positions.reshape(joints), record.joint_velocities.reshape(joints)]
     columns += [np.asarray(record.extras[name]) for name in SAMPLED if name in record.extras]
     return np.hstack(columns)
 
