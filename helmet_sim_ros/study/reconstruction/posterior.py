@@ -28,7 +28,12 @@ from helmet_sim_ros.study.reconstruction.crush_map import CrushMap, interpolatio
 from helmet_sim_ros.study.reconstruction.emulator import Emulator, Likelihood
 
 SPEEDS = 12  # straight blows at rising speed, for a first guess
-STARTS = ((0.0, 0.0), (0.7, 0.7), (-0.7, 0.7), (0.0, -1.0))  # speeds along, of half the highest
+#: Directions of sliding from which least squares go down, beside a straight blow, and the share of
+#: the highest speed along. A long crush looks much alike from both ends.
+DIRECTIONS, SLIDING = 6, 0.6
+#: rad per m/s along: how far the first touch lies upstream of the middle of its crush (rounded,
+#: from simulated crashes).
+UPSTREAM = 0.045
 EVALUATIONS = 8  # of each descent, each with five simulations for its slope
 STEP = 0.01  # of the parameters' spans, for slopes
 ROUND = 128  # simulated crashes of a round: about the most likely ones, then where samples were
@@ -227,9 +232,9 @@ def most_likely(
 ) -> list[tuple[FloatArray, FloatArray]]:  # fmt: skip
     """The crashes whose crush is nearest, (5,) each, with their covariance, (5, 5).
 
-    Straight blows give a first speed; from there, and from blows that also slide, least squares go
-    down; the best end is taken, and what is nearly as good. The covariance is that of a linear
-    model and the prior's together.
+    Straight blows give a first speed; from there, and from blows that slide in every direction,
+    least squares go down; the best end is taken, and what is nearly as good. The covariance is that
+    of a linear model and the prior's together.
     """
     span = whole.high - whole.low
     speeds = np.linspace(1.0, whole.high[0], SPEEDS)
@@ -252,12 +257,11 @@ def most_likely(
             max_nfev=EVALUATIONS, x_scale=0.1,
         )  # fmt: skip
 
-    starts = [np.array([speed, 0.5 * x * whole.high[1], 0.5 * y * whole.high[2], 0.0, 0.0])
-              for x, y in STARTS]  # fmt: skip
-    ends = [descent((start - whole.low) / span) for start in starts]
-    # A long crush looks alike from both ends: the same blow, slid the other way from there.
-    for end in sorted(ends, key=lambda one: float(one.cost))[:2]:
-        ends.append(descent(np.r_[end.x[0], 1.0 - end.x[1:]]))
+    angles = 2.0 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
+    x, y = SLIDING * whole.high[1:3, None] * [np.cos(angles), np.sin(angles)]
+    sliding = np.column_stack([np.full(DIRECTIONS, speed), x, y, -UPSTREAM * y, -UPSTREAM * x])
+    straight_on = [speed, 0.0, 0.0, 0.0, 0.0]
+    ends = [descent((start - whole.low) / span) for start in np.vstack([straight_on, sliding])]
     best = min(float(end.cost) for end in ends)
     prior = 12.0 * np.eye(len(NAMES))  # a uniform one has the variance of its span over 12
     found = []
