@@ -111,7 +111,7 @@ def test_what_came_first_is_told_beside_what_came_of_it(tmp_path: Path) -> None:
 
 
 def deaf(rig: Rig, name: str) -> subprocess.Popen[bytes]:
-    """A process of a rig that ends by SIGKILL only."""
+    """A process of a rig that ends by SIGKILL only: it sleeps for longer than anybody waits."""
     code = "import signal, time; signal.signal(2, signal.SIG_IGN); print(); time.sleep(600)"
     with (rig.folder / f"{name}.txt").open("w") as said:
         process = subprocess.Popen(

@@ -12,7 +12,13 @@ from helmet_sim_ros import Fall, head_strikes, simulate
 from helmet_sim_ros.cli import main
 from helmet_sim_ros.errors import SetupError
 from helmet_sim_ros.report.falls.page import falls_page
-from helmet_sim_ros.report.falls.tables import SLOWEST, FallResult, to_csv, to_scenario
+from helmet_sim_ros.report.falls.tables import (
+    SLOWEST,
+    FallResult,
+    impacts_of,
+    to_csv,
+    to_scenario,
+)
 from helmet_sim_ros.study import load_scenario
 from helmet_sim_ros.study.falls.measures import STRIKE_MEASURES, judge_fall
 from helmet_sim_ros.study.falls.summary import summarise, zone_of
@@ -115,6 +121,15 @@ def test_strikes_become_a_scenario_of_impacts(result, tmp_path):
     assert wanted
     assert [s.normal_velocity for s in setups] == [s.normal_velocity for s in wanted]
     assert setups[0].described() == wanted[0].setup().described()
+
+
+def test_a_strike_too_fast_for_an_impact_is_in_the_table_alone():
+    fall = Fall(preset="motorcycle", speed=40.0, scene="wall", pitch_deg=80.0, duration=0.15)
+    fast = FallResult("into the wall", fall, head_strikes(simulate(fall)))
+    assert fast.strikes[0].normal_velocity > 30.0
+    assert "into the wall,1," in to_csv([fast])
+    assert all(strike.normal_velocity <= 30.0 for _, _, strike in impacts_of([fast]))
+    assert "into the wall, strike 1" not in (to_scenario([fast]) or "")
 
 
 def test_the_table_has_a_line_per_strike(result):

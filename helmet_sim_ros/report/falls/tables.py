@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import yaml
 
+from helmet_sim_ros.errors import SetupError
 from helmet_sim_ros.model.fall.setup import Fall
 from helmet_sim_ros.model.fall.strikes import COLUMNS, HeadStrikes, Strike
 
@@ -43,12 +44,18 @@ def to_csv(results: Sequence[FallResult]) -> str:
 def impacts_of(results: Sequence[FallResult]) -> Iterator[tuple[str, int, Strike]]:
     """The strikes that are impacts: name of the fall, number of the strike, the strike.
 
-    Left out are those in which the head's centre hardly moves towards what it touches.
+    Left out are those in which the head's centre hardly moves towards what it touches, and those
+    that no impact setup takes, being too fast.
     """
     for result in results:
         for number, strike in enumerate(result.strikes, 1):
-            if strike.normal_velocity >= SLOWEST:
-                yield result.name, number, strike
+            if strike.normal_velocity < SLOWEST:
+                continue
+            try:
+                strike.setup()
+            except SetupError:
+                continue
+            yield result.name, number, strike
 
 
 def to_scenario(results: Sequence[FallResult]) -> str | None:
