@@ -47,7 +47,7 @@ class Limits(NamedTuple):
     """
 
     free: float = 5e-4
-    calm: float = 5e-4
+    calm: float = 1e-3
     body: float = 1e-4
     depth_share: float = 0.04
     speed_change: float = 0.2
@@ -71,6 +71,7 @@ class Pace(NamedTuple):
         pressed: what the shell's contact adds to it while it touches, (nv,) [N/m].
         damping: of all joints, (nv,) [N s/m, N m s/rad].
         hinges: degrees of freedom of the body's joints, (m,).
+        still: kinetic energy below which the rider is at rest [J].
         limits: of a step.
     """
 
@@ -82,6 +83,7 @@ class Pace(NamedTuple):
     pressed: FloatArray
     damping: FloatArray
     hinges: NDArray[np.int64]
+    still: float
     limits: Limits
 
 

@@ -107,6 +107,8 @@ class Fit(NamedTuple):
         area: (n,) [m^2].
         stick: shear deflection, head axes, (n, 3) [m]; state.
         deepest: largest compression, recovering, (n,) [m]; state.
+        pressing: how hard head and helmet press on each other, all sides together, (1,) [N]; their
+            stiffness against each other is at most this over :data:`ELASTIC`.
     """
 
     slide: int
@@ -119,6 +121,7 @@ class Fit(NamedTuple):
     area: FloatArray
     stick: FloatArray
     deepest: FloatArray
+    pressing: FloatArray
 
 
 def padding_of(helmet: Helmet, surface: HeadSurface) -> Padding:
@@ -163,7 +166,7 @@ def fit(helmet: Helmet, surface: HeadSurface, slide: int, slide_velocity: int) -
         slide, slide_velocity, padding_of(helmet, surface),
         Strap(strap.anchor, strap.chin, length, strap.stiffness, strap.damping),
         axes, shell.center, np.ascontiguousarray(point), np.ascontiguousarray(area),
-        np.zeros((len(area), 3)), np.zeros(len(area)),
+        np.zeros((len(area), 3)), np.zeros(len(area)), np.zeros(1),
     )  # fmt: skip
 
 
@@ -301,7 +304,7 @@ def apply(fit: Fit, step: float, motion: Motion, loads: Loads) -> None:
     spin = turned(rotation, (qvel[v + 3], qvel[v + 4], qvel[v + 5]))
     inverse, center = inverse_of(fit.axes), fit.center
     recovered = min(1.0, step / RECOVERY)
-    force, moment = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    force, moment, pressing = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0
     for i in range(len(areas)):
         arm = turned(rotation, row(points, i))
         outside, normal = above_head(sub(add(shift, arm), center), inverse)
@@ -319,6 +322,7 @@ def apply(fit: Fit, step: float, motion: Motion, loads: Loads) -> None:
             width = way_back(padding, largest, full)
             full *= max(0.0, 1.0 - (largest - compression) / width)
         deepest[i] = largest + (compression - largest) * recovered
+        pressing += areas[i] * full
         viscous = padding.damping * rate * min(full, padding.modulus)
         pressed = areas[i] * max(0.0, full + viscous)
         rubbed = friction_force(
@@ -331,6 +335,7 @@ def apply(fit: Fit, step: float, motion: Motion, loads: Loads) -> None:
         arm = turned(rotation, (strap.anchor[0], side * strap.anchor[1], strap.anchor[2]))
         here = strap_force(strap, add(shift, arm), add(speed, cross(spin, arm)))
         force, moment = add(force, here), add(moment, cross(arm, here))
+    fit.pressing[0] = pressing
     turning = turned_back(rotation, moment)
     for k in range(3):
         loads.generalised[v + k] += force[k]
