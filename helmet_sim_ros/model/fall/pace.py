@@ -25,6 +25,7 @@ from helmet_sim_ros.model.surface.shapes import signed_distance
 
 SLACK = 0.01  # m, that a measured helmet may reach beyond its ellipsoid; choice
 TINY = 1e-9  # s, by which a step that no strike asks for is longer than a fine one
+CLOSE = 1e-3  # m, of a head to what it lies on, or rocks on
 FARTHEST = 0.12  # m, from which on nothing touches within a step: 100 m/s for 1 ms
 
 
@@ -34,7 +35,8 @@ class Limits(NamedTuple):
 
     Attributes:
         free: longest step before a strike of the head [s]; ``calm``: after one, with what it loaded
-            held [s].
+            held [s]; ``lying``: with a bare head or the shell of a spring helmet on what it struck,
+            a contact much stiffer than foam and tissue [s].
         body: shortest step that the body asks for [s].
         depth_share: of a tissue's thickness, that a step may press [-].
         speed_change: of what is pressed in a step [m/s]; ``turn_change``: of a joint [rad/s].
@@ -48,9 +50,10 @@ class Limits(NamedTuple):
 
     free: float = 5e-4
     calm: float = 1e-3
+    lying: float = 5e-4
     body: float = 1e-4
     depth_share: float = 0.04
-    speed_change: float = 0.2
+    speed_change: float = 0.3
     turn_change: float = 4.0
     ahead: float = 1e-3
     after: float = 3e-3
@@ -218,6 +221,8 @@ def wanted(
                 continue
             if pace.head[i]:
                 step = min(step, head_step(pace, gap, speed, step))
+                if gap < CLOSE:
+                    step = min(step, limits.lying)
             else:
                 body = min(body, body_step(limits, contact, i, gap, speed, body))
         if foam:

@@ -145,8 +145,8 @@ def firmness(pace: Pace, fit: Fit) -> float:
     """How many times stiffer than long steps assume the padding is at most, as it is pressed."""
     if fit.slide_velocity < 0:
         return 1.0
-    assumed: float = pace.stiffness[fit.slide_velocity]
-    return max(1.0, fit.pressing[0] / (ELASTIC * assumed))
+    firm: float = fit.pressing[0] / (ELASTIC * pace.stiffness[fit.slide_velocity])
+    return max(1.0, firm)
 
 
 @compiled
@@ -341,7 +341,7 @@ def advance_fall(
         if not accelerate(simulation, pace, step, kick, pressed):
             return -1 - row
         if kept:
-            late = 0.5 * before if state == GROUND and not fine else 0.0
+            late = 0.5 * before if state == GROUND and before > pace.fine + TINY else 0.0
             synchronise(simulation, pace, log, row, late)
             row += 1
         move(simulation, step, kick, state)
