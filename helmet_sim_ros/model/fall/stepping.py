@@ -331,16 +331,16 @@ def advance_fall(
                     return -1 - row
                 if fine or state == FLIGHT or not is_still(pace, kinetic, forces.surface):
                     progress.moved[0] = since
+        kick = 0.5 * (step + before)
+        if not accelerate(simulation, pace, step, kick, pressed):
+            return -1 - row
+        if kept:
             sample(engine, motion, loads, log.rows, row)
             if has_foam(forces):
                 liner.crush(forces.liner, forces.surface, motion, log.rows.crush[row])
             log.time[row] = time[0]
             log.dense[row] = fine
             progress.due[0] = time[0] + pace.thin
-        kick = 0.5 * (step + before)
-        if not accelerate(simulation, pace, step, kick, pressed):
-            return -1 - row
-        if kept:
             late = 0.5 * before if state == GROUND and before > pace.fine + TINY else 0.0
             synchronise(simulation, pace, log, row, late)
             row += 1
