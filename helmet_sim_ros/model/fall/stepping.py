@@ -323,14 +323,13 @@ def advance_fall(
         kept = time[0] >= progress.due[0]
         if fine:
             kept = steps[0] % pace.substeps == 0
-        if kept:
-            if not fine or row % WATCHED == 0:
-                energy_vel(model, data)
-                since, kinetic = time[0], engine.energy[1]
-                if kinetic > clock.energy + since * (clock.power + since * clock.growth):
-                    return -1 - row
-                if fine or state == FLIGHT or not is_still(pace, kinetic, forces.surface):
-                    progress.moved[0] = since
+        if kept and (not fine or row % WATCHED == 0):
+            energy_vel(model, data)
+            since, kinetic = time[0], engine.energy[1]
+            if kinetic > clock.energy + since * (clock.power + since * clock.growth):
+                return -1 - row
+            if fine or state == FLIGHT or not is_still(pace, kinetic, forces.surface):
+                progress.moved[0] = since
         kick = 0.5 * (step + before)
         if not accelerate(simulation, pace, step, kick, pressed):
             return -1 - row
