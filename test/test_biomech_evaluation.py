@@ -224,6 +224,12 @@ def test_filtered_values_stand_beside_raw_ones() -> None:
     assert result.hic_cfc1000.value == pytest.approx(0.4146456495 * 200**2.5 * 0.01, rel=1e-3)
 
 
+def test_notes_of_a_record_are_among_the_warnings() -> None:
+    noted = replace(drop_record(), extras={"notes": ["the liner is crushed by 147 %"]})
+    assert evaluate(noted).warnings == ("the liner is crushed by 147 %",)
+    assert evaluate(noted, "ece_r22_05").warnings[0] == "the liner is crushed by 147 %"
+
+
 def test_a_low_sample_rate_is_said() -> None:
     assert evaluate(drop_record()).warnings == ()
     slow = evaluate(drop_record(step=1.25e-4))

@@ -50,6 +50,11 @@ def command(
     for line in failed:
         console.print(line, style="red", markup=False)
     console.print(strikes_table([(r.name, rows_of(r.strikes)) for r in results]))
+    for result in results:
+        for number, strike in enumerate(result.strikes, 1):
+            for warning in strike.evaluation.warnings:
+                text = f"{result.name}, strike {number}: {warning}"
+                console.print(text, style="dim", markup=False, soft_wrap=True)
     console.print(summary(results), markup=False, soft_wrap=True)
     if output is not None:
         write_results(results, output, console)

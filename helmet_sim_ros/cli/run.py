@@ -223,6 +223,8 @@ def report(result: dict[str, Any], console: Console, all_criteria: bool, seconds
         for name, evaluation in judged([row]):
             for message in failures(evaluation):
                 console.print(f"{name}: {message}", style="yellow", markup=False, soft_wrap=True)
+            for warning in evaluation["warnings"]:
+                console.print(f"{name}: {warning}", style="dim", markup=False, soft_wrap=True)
         if row["status"] != "evaluated":
             text = f"{row['name']}: {row['status']}: {row['error']}"
             console.print(text, style="red", markup=False, soft_wrap=True)
