@@ -309,6 +309,13 @@ class Helmet(Config):
                 )  # fmt: skip
         return self
 
+    @property
+    def fitted_mass(self) -> float:
+        """What lies next to the padding and moves against the head [kg]: of a spring helmet the
+        liner's inside, of a foam helmet what is struck as well."""
+        struck = 0.0 if self.coupling == "spring" else self.shell.effective_mass
+        return struck + self.liner.effective_mass
+
 
 @lru_cache(maxsize=64)
 def _load(path: Path, _mtime_ns: int) -> Helmet:
