@@ -53,6 +53,15 @@ def test_a_sound_log_is_shown_with_setup_versions_and_model(path):
     assert "DIFFERS" not in answer.output
 
 
+@pytest.mark.parametrize("width", ["40", "80"])
+def test_a_narrow_terminal_leaves_no_digit_out(path, width):
+    for words in (["review", "--all-criteria"], ["compare", str(path)]):
+        answer = CliRunner().invoke(main, [*words, str(path)], env={"COLUMNS": width})
+        assert answer.exit_code == 0 and "\N{HORIZONTAL ELLIPSIS}" not in answer.output
+        for impact in open_log(path):
+            assert f"{impact.evaluate().hic.value:.5g}" in answer.output
+
+
 def test_json_and_all_criteria_and_setup(path):
     answer = run("review", path, "--json")
     data = json.loads(answer.output)

@@ -14,7 +14,7 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from helmet_sim_ros.cli._console import PlainConsole
+from helmet_sim_ros.cli._console import PlainConsole, print_table
 from helmet_sim_ros.cli._falls import strike_rows, strikes_table
 from helmet_sim_ros.cli._logs import DIFFERENT, FINE, for_each_log, logs_argument
 from helmet_sim_ros.cli._table import SHORT as COLUMNS
@@ -110,7 +110,7 @@ def _show_log(
     if any(models := _models(rows)):
         say("  model: " + ", ".join(f"{k} {v}".strip() for v, k in models.items()))
     if rows:
-        console.print(_table(rows))
+        print_table(console, _table(rows))
     for number, row in enumerate(rows, 1):
         _show_differences(say, f"#{number}", row.impact.impact_id, row.differences)
     for number, fall in enumerate(falls, len(rows) + 1):
@@ -122,7 +122,7 @@ def _show_log(
             _show_differences(say, f"#{number}", strike.impact.impact_id, strike.differences)
     if falls:
         tables = [(f"#{n}", _strikes(fall)) for n, fall in enumerate(falls, len(rows) + 1)]
-        console.print(strikes_table(tables))
+        print_table(console, strikes_table(tables))
     judged = [*rows, *(strike for fall in falls for strike in fall.strikes)]
     for warning in dict.fromkeys(w for row in judged for w in row.evaluation.warnings):
         say(f"note: {warning}", "dim")
@@ -189,7 +189,7 @@ def _models(rows: list[Reviewed]) -> dict[str, str]:
 def _show_criteria(console: PlainConsole, rows: list[Reviewed]) -> None:
     for number, row in enumerate(rows, 1):
         case = {"name": f"#{number} {row.impact.impact_id}", "evaluation": row.evaluation.as_dict()}
-        console.print(criteria_table(case))
+        print_table(console, criteria_table(case))
 
 
 def _versions(run: dict[str, str]) -> str:

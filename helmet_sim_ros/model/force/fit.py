@@ -292,7 +292,7 @@ def resolved_relaxation(fit: Fit, step: float, ahead: float) -> float:
     damping turns such a motion round at every step."""
     relaxation = fit.padding.relaxation
     if relaxation * fit.sheared[0] * (step + 2.0 * ahead) > fit.mass:
-        return fit.mass / (fit.sheared[0] * (step + 2.0 * ahead))
+        return float(fit.mass / (fit.sheared[0] * (step + 2.0 * ahead)))
     return relaxation
 
 
