@@ -123,9 +123,20 @@ def _show_log(
     if falls:
         tables = [(f"#{n}", _strikes(fall)) for n, fall in enumerate(falls, len(rows) + 1)]
         print_table(console, strikes_table(tables))
-    judged = [*rows, *(strike for fall in falls for strike in fall.strikes)]
-    for warning in dict.fromkeys(w for row in judged for w in row.evaluation.warnings):
-        say(f"note: {warning}", "dim")
+    for warning, of in _noted(rows, falls).items():
+        say(f"note: {warning} ({', '.join(of)})", "dim")
+
+
+def _noted(rows: list[Reviewed], falls: list[ReviewedFall]) -> dict[str, list[str]]:
+    """Each warning, and of which impacts and head strikes it is."""
+    judged = [(f"#{number}", row) for number, row in enumerate(rows, 1)]
+    for number, fall in enumerate(falls, len(rows) + 1):
+        judged += [(f"#{number} strike {n}", strike) for n, strike in enumerate(fall.strikes, 1)]
+    said: dict[str, list[str]] = {}
+    for name, row in judged:
+        for warning in row.evaluation.warnings:
+            said.setdefault(warning, []).append(name)
+    return said
 
 
 def _show_differences(
