@@ -99,8 +99,8 @@ def find(seed: int, speed: float, form: str) -> Found:
         (depths(fall, position)[:-1][soft] / thickness).max() for position in positions[::2]
     )
     moving = kinetic(fall)
-    energy, after = fall.energy, int(np.searchsorted(record.time, 2.0))
-    quiet = np.linalg.norm(record.head_velocity[record.time > DURATION - 0.1], axis=1)
+    energy, after = fall.energy, min(int(np.searchsorted(record.time, 2.0)), len(record.time) - 1)
+    quiet = np.linalg.norm(record.head_velocity[record.time > record.time[-1] - 0.1], axis=1)
     return Found(
         float(np.maximum(turned - held.high, held.low - turned).max()), float(deepest),
         float((energy - np.minimum.accumulate(energy)).max() / energy[0]),

@@ -25,6 +25,7 @@ from helmet_sim_ros.model.surface.shapes import signed_distance
 
 SLACK = 0.01  # m, that a measured helmet may reach beyond its ellipsoid; choice
 TINY = 1e-9  # s, by which a step that no strike asks for is longer than a fine one
+CLOSE = 1e-3  # m, of a head to what it lies on, or rocks on
 FARTHEST = 0.12  # m, from which on nothing touches within a step: 100 m/s for 1 ms
 
 
@@ -34,7 +35,8 @@ class Limits(NamedTuple):
 
     Attributes:
         free: longest step before a strike of the head [s]; ``calm``: after one, with what it loaded
-            held [s].
+            held [s]; ``lying``: with a bare head or the shell of a spring helmet on what it struck,
+            a contact much stiffer than foam and tissue [s].
         body: shortest step that the body asks for [s].
         depth_share: of a tissue's thickness, that a step may press [-].
         speed_change: of what is pressed in a step [m/s]; ``turn_change``: of a joint [rad/s].
@@ -46,13 +48,14 @@ class Limits(NamedTuple):
         quick: speed between head and shell from which on long steps damp it [m/s, rad/s].
     """
 
-    free: float = 5e-4
-    calm: float = 5e-4
+    free: float = 3.5e-4
+    calm: float = 1e-3
+    lying: float = 5e-4
     body: float = 1e-4
     depth_share: float = 0.04
-    speed_change: float = 0.2
+    speed_change: float = 0.3
     turn_change: float = 4.0
-    ahead: float = 1e-3
+    ahead: float = 2e-3
     after: float = 3e-3
     quiet_force: float = 500.0
     quiet_speed: float = 1.0
@@ -71,6 +74,7 @@ class Pace(NamedTuple):
         pressed: what the shell's contact adds to it while it touches, (nv,) [N/m].
         damping: of all joints, (nv,) [N s/m, N m s/rad].
         hinges: degrees of freedom of the body's joints, (m,).
+        still: kinetic energy below which the rider is at rest [J].
         limits: of a step.
     """
 
@@ -82,6 +86,7 @@ class Pace(NamedTuple):
     pressed: FloatArray
     damping: FloatArray
     hinges: NDArray[np.int64]
+    still: float
     limits: Limits
 
 
@@ -216,6 +221,8 @@ def wanted(
                 continue
             if pace.head[i]:
                 step = min(step, head_step(pace, gap, speed, step))
+                if gap < CLOSE:
+                    step = min(step, limits.lying)
             else:
                 body = min(body, body_step(limits, contact, i, gap, speed, body))
         if foam:

@@ -18,7 +18,7 @@ from helmet_sim_ros.errors import DivergedError
 from helmet_sim_ros.model.compiled import compiled, inlined
 from helmet_sim_ros.model.energy import mechanical_energy
 from helmet_sim_ros.model.fall.flight import Flight, begin, correct, on_ground
-from helmet_sim_ros.model.fall.pace import Limits, Pace, wanted
+from helmet_sim_ros.model.fall.pace import TINY, Limits, Pace, wanted
 from helmet_sim_ros.model.fall.setup import Fall
 from helmet_sim_ros.model.force import liner, shell
 from helmet_sim_ros.model.force.bodies import (
@@ -29,7 +29,7 @@ from helmet_sim_ros.model.force.bodies import (
     add_generalised,
     clear,
 )
-from helmet_sim_ros.model.force.vector import write
+from helmet_sim_ros.model.force.fit import ELASTIC, Fit
 from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.impact import Impact
 from helmet_sim_ros.model.loop import (
@@ -53,14 +53,18 @@ from helmet_sim_ros.model.loop import (
 )
 from helmet_sim_ros.model.setup import ImpactSetup
 from helmet_sim_ros.model.surface.carrier import carry
+from helmet_sim_ros.model.surface.compiled import Surface
 
 _com_vel = mujoco_function("mj_comVel")
 
 THIN = 2e-3  # s between samples where the head does not strike; choice
 LOOKS = 8  # fine steps from one look ahead to the next; choice
 ROWS = 4096  # rows at first; doubled when they are full
+ROUNDING = 1e-9  # s, of the sum of all steps
 PIECE = 1e-4  # s, steps of what moves and gives way around the rider
 RELEASED = 0.05  # s, in which spring and padding let go after a strike; choice
+STILL_SPEED = 0.005  # m/s, of the whole rider (root mean square), below which he is at rest; choice
+STILL = 0.1  # s, for how long he is before the fall ends; choice
 GROUND, TOUCH, FLIGHT = range(3)
 #: Times the first stiffness of padding and spring: what long steps assume, and what more where a
 #: strike has loaded them. Choices: 1.5 and 0 diverged in 3 of 24 falls, 1.5 and 10 in none.
@@ -76,6 +80,7 @@ class Progress(NamedTuple):
         step: steps since the fine ones began, or -1: they are long.
         struck: force on the helmet, or in its spring, in the last step [N].
         before: the last step [s].
+        moved: when anything last moved [s].
         taken: number of fine, short and long steps, (3,).
     """
 
@@ -85,6 +90,7 @@ class Progress(NamedTuple):
     step: NDArray[np.int64]
     struck: FloatArray
     before: FloatArray
+    moved: FloatArray
     taken: NDArray[np.int64]
 
 
@@ -134,35 +140,61 @@ def acts(surface: FloatArray) -> bool:
     return total > 0.0
 
 
+@inlined
+def firmness(pace: Pace, fit: Fit) -> float:
+    """How many times stiffer than long steps assume the padding is at most, as it is pressed."""
+    if fit.slide_velocity < 0:
+        return 1.0
+    firm: float = fit.pressing[0] / (ELASTIC * pace.stiffness[fit.slide_velocity])
+    return max(1.0, firm)
+
+
 @compiled
-def integrate(
-    simulation: Simulation, pace: Pace, step: float, before: float, state: int, pressed: bool
-) -> bool:
-    """One step with the present forces; False: the acceleration is not finite.
+def accelerate(simulation: Simulation, pace: Pace, step: float, kick: float, pressed: bool) -> bool:
+    """Accelerations of the next step under the present forces; False: they are not finite.
+
+    A short step after a long one is still a long time for the velocities.
+
+    Args:
+        step: the next one [s].
+        kick: for how long they act on the velocities [s].
+        pressed: whether the helmet was struck a short time ago, or is pressed.
+    """
+    engine, motion, loads, forces, _ = simulation
+    mass, diagonal = engine.mass, engine.diagonal
+    long = max(step, kick)
+    for k in range(len(diagonal)):
+        mass[diagonal[k]] += kick * pace.damping[k]
+    if long > pace.fine + TINY:
+        padded, firm = forces.fit.slide_velocity, firmness(pace, forces.fit)
+        for k in range(len(diagonal)):
+            stiffness = pace.stiffness[k]
+            if stiffness == 0.0:
+                continue
+            if padded <= k < padded + 6:
+                stiffness *= firm
+            mass[diagonal[k]] += kick * long * stiffness
+            if pressed:
+                mass[diagonal[k]] += kick * long * pace.pressed[k]
+                loads.generalised[k] -= long * pace.pressed[k] * motion.qvel[k]
+    factor_m(engine.model, engine.data)
+    acceleration_(engine.model, engine.data)
+    return bool(abs(engine.acceleration.sum()) < 1e12)  # false for NaN
+
+
+@compiled
+def move(simulation: Simulation, step: float, kick: float, state: int) -> None:
+    """One step with the present accelerations.
 
     Velocities are those of half a step ago, so that the positions are accurate to second order
     whatever the steps (leapfrog). In flight, where the momenta are known, the root's are present.
 
     Args:
-        step, before: this step and the last one [s].
+        step: [s]; ``kick``: half of it and half of the one before [s].
         state: ``GROUND``, ``TOUCH`` (just after flight), or ``FLIGHT``.
-        pressed: whether the helmet was struck a short time ago, or is pressed.
     """
-    engine, motion, loads, _, _ = simulation
-    mass, diagonal, damping = engine.mass, engine.diagonal, pace.damping
+    engine, motion = simulation.engine, simulation.motion
     qpos, qvel, acceleration = motion.qpos, motion.qvel, engine.acceleration
-    kick = 0.5 * (step + before)
-    for k in range(len(diagonal)):
-        mass[diagonal[k]] += kick * damping[k]
-        if step > pace.fine and pace.stiffness[k] > 0.0:
-            mass[diagonal[k]] += kick * step * pace.stiffness[k]
-            if pressed:
-                mass[diagonal[k]] += kick * step * pace.pressed[k]
-                loads.generalised[k] -= step * pace.pressed[k] * qvel[k]
-    factor_m(engine.model, engine.data)
-    acceleration_(engine.model, engine.data)
-    if not abs(acceleration.sum()) < 1e12:  # also true for NaN
-        return False
     half = 0.5 * step
     for k in range(6):
         qvel[k] += (kick if state == GROUND else half) * acceleration[k]
@@ -172,7 +204,6 @@ def integrate(
     if state == FLIGHT:
         for k in range(6):
             qvel[k] += half * acceleration[k]
-    return True
 
 
 @inlined
@@ -182,12 +213,29 @@ def length_of(force: FloatArray) -> float:
 
 
 @compiled
-def synchronise(qvel: FloatArray, acceleration: FloatArray, pace: Pace, late: float) -> None:
-    """Velocities ``late`` [s] later: those of a step are half a step old. What moves quickly
-    between head and shell is left as it is."""
+def synchronise(simulation: Simulation, pace: Pace, log: Log, row: int, late: float) -> None:
+    """Velocities of a row at the time of its positions: those of a step are ``late`` [s] old. What
+    moves quickly between head and shell is left as it is. The energy of the row, if it is wanted.
+    """
+    engine, motion, _, forces, _ = simulation
+    qvel, kept = motion.qvel, log.rows.qvel[row]
     for k in range(len(qvel)):
         if pace.stiffness[k] == 0.0:
-            qvel[k] += late * acceleration[k]
+            kept[k] += late * engine.acceleration[k]
+    if len(log.energy):
+        swap(qvel, kept)
+        make_m(engine.model, engine.data)  # the step has added to it
+        _com_vel(engine.model, engine.data)
+        log.energy[row] = mechanical_energy(engine, forces, motion)
+        swap(qvel, kept)
+        _com_vel(engine.model, engine.data)
+
+
+@inlined
+def swap(a: FloatArray, b: FloatArray) -> None:
+    """The values of two arrays."""
+    for k in range(len(a)):
+        a[k], b[k] = b[k], a[k]
 
 
 @compiled
@@ -204,11 +252,27 @@ def is_held(pace: Pace, qvel: FloatArray, progress: Progress, flying: bool) -> b
     return False
 
 
+@inlined
+def is_still(pace: Pace, kinetic: float, surface: Surface) -> bool:
+    """Whether the rider, of that kinetic energy [J], and what is around him are at rest."""
+    moving = 0.0
+    for speed in surface.velocity.flat:
+        moving += abs(speed)
+    return kinetic < pace.still and moving < STILL_SPEED
+
+
+@inlined
+def has_ended(progress: Progress, duration: float) -> bool:
+    """Whether the duration [s] is reached, or all has been at rest for long enough."""
+    now: float = progress.time[0]
+    return now > duration or now - progress.moved[0] > STILL
+
+
 @compiled
 def advance_fall(
     simulation: Simulation, course: Course, log: Log, first: int, last: int, duration: float
 ) -> int:
-    """Step until row ``last`` is reached, or the duration [s]; ``first``: the next row.
+    """Step until row ``last`` is reached, or the end (:func:`has_ended`); ``first``: the next row.
 
     Returns:
         The number of rows, negative less 1 where the state left physics.
@@ -217,7 +281,7 @@ def advance_fall(
     pace, flight, progress = course
     model, data = engine.model, engine.data
     time, steps, row = progress.time, progress.step, first
-    while row < last and time[0] <= duration:
+    while row < last and not has_ended(progress, duration):
         flying = flight.since[0] >= 0.0
         kinematics(model, data)
         com_pos(model, data)
@@ -256,33 +320,31 @@ def advance_fall(
         )
 
         fine = steps[0] >= 0
-        if (fine and steps[0] % pace.substeps == 0) or (not fine and time[0] >= progress.due[0]):
-            if row % WATCHED == 0:
+        kept = time[0] >= progress.due[0]
+        if fine:
+            kept = steps[0] % pace.substeps == 0
+        if kept:
+            if not fine or row % WATCHED == 0:
                 energy_vel(model, data)
-                since = time[0]
-                if engine.energy[1] > clock.energy + since * (clock.power + since * clock.growth):
+                since, kinetic = time[0], engine.energy[1]
+                if kinetic > clock.energy + since * (clock.power + since * clock.growth):
                     return -1 - row
+                if fine or state == FLIGHT or not is_still(pace, kinetic, forces.surface):
+                    progress.moved[0] = since
             sample(engine, motion, loads, log.rows, row)
             if has_foam(forces):
                 liner.crush(forces.liner, forces.surface, motion, log.rows.crush[row])
             log.time[row] = time[0]
             log.dense[row] = fine
-            late = 0.5 * before if state == GROUND and not fine else 0.0
-            if late > 0.0:
-                synchronise(motion.qvel, engine.acceleration, pace, late)
-                write(log.rows.qvel[row], motion.qvel)
-            if len(log.energy):
-                if late > 0.0:
-                    _com_vel(model, data)
-                log.energy[row] = mechanical_energy(engine, forces, motion)
-            if late > 0.0:
-                synchronise(motion.qvel, engine.acceleration, pace, -late)
-                if len(log.energy):
-                    _com_vel(model, data)
             progress.due[0] = time[0] + pace.thin
-            row += 1
-        if not integrate(simulation, pace, step, before, state, pressed):
+        kick = 0.5 * (step + before)
+        if not accelerate(simulation, pace, step, kick, pressed):
             return -1 - row
+        if kept:
+            late = 0.5 * before if state == GROUND and before > pace.fine + TINY else 0.0
+            synchronise(simulation, pace, log, row, late)
+            row += 1
+        move(simulation, step, kick, state)
         pieces = max(1, round(step / PIECE))
         for _ in range(pieces):
             carry(forces.surface, step / pieces)
@@ -297,7 +359,7 @@ class Falling(Impact):
 
     Attributes:
         total: number of samples: so far while it falls, of all when it is over.
-        is_over: whether the duration is reached.
+        is_over: whether the duration is reached, or all is at rest.
         dense: first and last (exclusive) samples of each stretch of fine steps, at
             ``setup.time_step``; elsewhere samples are ``thin`` apart or more.
     """
@@ -327,8 +389,8 @@ class Falling(Impact):
 
     @property
     def is_over(self) -> bool:
-        """Whether the duration is reached."""
-        return bool(self._course.progress.time[0] > self.setup.duration)
+        """Whether the duration is reached, or all is at rest."""
+        return bool(has_ended(self._course.progress, self.setup.duration + ROUNDING))
 
     @property
     def dense(self) -> tuple[tuple[int, int], ...]:
@@ -361,7 +423,7 @@ class Falling(Impact):
                 self._grow()
             done = advance_fall(
                 self._simulation, self._course, self._log, self._done, min(last, len(self._time)),
-                self.setup.duration + 1e-9,
+                self.setup.duration + ROUNDING,
             )  # fmt: skip
             self._done = self.total = done if done >= 0 else -1 - done
             if done < 0:
@@ -399,7 +461,7 @@ def at_start() -> Progress:
     """Of a fall that has not begun."""
     return Progress(
         np.zeros(1), np.zeros(1), np.full(1, -1.0), np.full(1, -1, dtype=np.int64), np.zeros(1),
-        np.zeros(1), np.zeros(3, dtype=np.int64),
+        np.zeros(1), np.zeros(1), np.zeros(3, dtype=np.int64),
     )  # fmt: skip
 
 
@@ -422,8 +484,10 @@ def pace_of(fall: Falling, thin: float, limits: Limits) -> Pace:
         pressed[slides] = helmet.shell.contact_stiffness / helmet.shell.contact_returned
     pressed += HELD * stiffness
     stiffness *= PADDED
+    balls = (forces.neck.qvel[:, None] + np.arange(3)).ravel()
     return Pace(
         setup.time_step / substeps, substeps, thin,
         np.isin(fall.contact.body, [layout.helmet, layout.head]),
-        stiffness, pressed, model.dof_damping.copy(), forces.stops.qvel.copy(), limits,
+        stiffness, pressed, model.dof_damping.copy(), np.r_[forces.stops.qvel, balls],
+        0.5 * float(model.body_mass.sum()) * STILL_SPEED**2, limits,
     )  # fmt: skip

@@ -99,7 +99,9 @@ class FallValues(Config):
     )
     rider: Rider = Field(default_factory=Rider)
     head: Head = Field(default_factory=Head)
-    duration: float = quantity("simulated time", "s", 2.0, ge=1e-3, le=5.0)
+    duration: float = quantity(
+        "simulated time, unless all is at rest before", "s", 2.0, ge=1e-3, le=5.0
+    )
     time_step: float = quantity(
         "sampling step where the head is struck", "s", 5e-5, ge=1e-6, le=1e-3
     )

@@ -110,6 +110,8 @@ class Fit(NamedTuple):
         mass: the least that shear moves against the head: along the slides, or turning, at the
             farthest patch [kg].
         sheared: stiffness in shear of all patches in the last step [N/m], (1,); state.
+        pressing: how hard head and helmet press on each other, all sides together, (1,) [N]; their
+            stiffness against each other is at most this over :data:`ELASTIC`.
     """
 
     slide: int
@@ -124,6 +126,7 @@ class Fit(NamedTuple):
     deepest: FloatArray
     mass: float
     sheared: FloatArray
+    pressing: FloatArray
 
 
 def padding_of(helmet: Helmet, surface: HeadSurface) -> Padding:
@@ -169,7 +172,7 @@ def fit(helmet: Helmet, surface: HeadSurface, slide: int, slide_velocity: int) -
         Strap(strap.anchor, strap.chin, length, strap.stiffness, strap.damping),
         axes, shell.center, np.ascontiguousarray(point), np.ascontiguousarray(area),
         np.zeros((len(area), 3)), np.zeros(len(area)),
-        min(helmet.fitted_mass, min(helmet.inertia) / max(axes) ** 2), np.zeros(1),
+        min(helmet.fitted_mass, min(helmet.inertia) / max(axes) ** 2), np.zeros(1), np.zeros(1),
     )  # fmt: skip
 
 
@@ -319,7 +322,7 @@ def apply(fit: Fit, step: float, motion: Motion, loads: Loads) -> None:
     inverse, center = inverse_of(fit.axes), fit.center
     recovered = min(1.0, step / RECOVERY)
     relaxation, sheared = resolved_relaxation(fit, step, motion.ahead) - motion.ahead, 0.0
-    force, moment = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    force, moment, pressing = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0
     for i in range(len(areas)):
         arm = turned(rotation, row(points, i))
         outside, normal = above_head(sub(add(shift, arm), center), inverse)
@@ -337,6 +340,7 @@ def apply(fit: Fit, step: float, motion: Motion, loads: Loads) -> None:
             width = way_back(padding, largest, full)
             full *= max(0.0, 1.0 - (largest - compression) / width)
         deepest[i] = largest + (compression - largest) * recovered
+        pressing += areas[i] * full
         viscous = padding.damping * rate * min(full, padding.modulus)
         pressed = areas[i] * max(0.0, full + viscous)
         sheared += shear * areas[i]
@@ -351,6 +355,7 @@ def apply(fit: Fit, step: float, motion: Motion, loads: Loads) -> None:
         arm = turned(rotation, (strap.anchor[0], side * strap.anchor[1], strap.anchor[2]))
         here = strap_force(strap, add(shift, arm), add(speed, cross(spin, arm)))
         force, moment = add(force, here), add(moment, cross(arm, here))
+    fit.pressing[0] = pressing
     turning = turned_back(rotation, moment)
     for k in range(3):
         loads.generalised[v + k] += force[k]
