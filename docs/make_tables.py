@@ -46,7 +46,8 @@ MEANING = {
     "helmet/pose": "of the shell; equal to the head's while the coupling is not compressed [m]",
     "helmet/ground_contact": "force of the ground ON the helmet [N], moment about the world "
     "origin [N m]",
-    "helmet/coupling": "force of the helmet ON the head [N], moment [N m]",
+    "helmet/coupling": "force of the helmet ON the head [N], moment about the origin of "
+    "`helmet/pose` [N m]",
     "neck/load": "force of the torso ON the head [N], moment about the head-neck joint [N m]",
     "joint_states": "joints below the head [rad or m, rad/s or m/s]; of a ball joint the rotation "
     "vector, and the angular velocity in the axes of its upper link",

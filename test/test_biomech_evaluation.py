@@ -224,6 +224,23 @@ def test_filtered_values_stand_beside_raw_ones() -> None:
     assert result.hic_cfc1000.value == pytest.approx(0.4146456495 * 200**2.5 * 0.01, rel=1e-3)
 
 
+def test_notes_of_a_record_are_among_the_warnings() -> None:
+    noted = replace(drop_record(), extras={"notes": ["the liner is crushed by 147 %"]})
+    assert evaluate(noted).warnings == ("the liner is crushed by 147 %",)
+    assert evaluate(noted, "ece_r22_05").warnings[0] == "the liner is crushed by 147 %"
+
+
+def test_a_record_that_ends_in_its_pulse_is_said() -> None:
+    (warning,) = evaluate(drop_record(duration=0.005), criteria=["peak_g"]).warnings
+    assert "ends while the head has 200 g, 100 % of the peak" in warning
+    (warning,) = evaluate(drop_record(duration=0.008), criteria=["bric"]).warnings
+    assert "118 g, 59 % of the peak" in warning
+    assert evaluate(drop_record(duration=0.009), criteria=["peak_g"]).warnings == ()
+    # Nobody misses the end of a free fall.
+    falling = replace(drop_record(), head_acceleration=np.tile([0.0, 0.0, -G], (801, 1)))
+    assert not any("ends while" in text for text in evaluate(falling).warnings)
+
+
 def test_a_low_sample_rate_is_said() -> None:
     assert evaluate(drop_record()).warnings == ()
     slow = evaluate(drop_record(step=1.25e-4))

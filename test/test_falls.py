@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from functools import lru_cache
 
 import numpy as np
@@ -168,6 +169,33 @@ def test_a_strike_alone_gives_the_same_peak(preset, scene, helmet):
     assert peak(simulate(setup)) == pytest.approx(worst.evaluation.peak_g.value, rel=0.05)
     described = {k: v for k, v in setup.described().items() if v is not None}
     assert setup_from_names(described).described() == setup.described()
+
+
+@pytest.mark.parametrize(
+    ("coupling", "said"), [("foam", "the liner is crushed by"), ("spring", "the coupling spring")]
+)
+def test_a_strike_beyond_what_the_helmet_has_says_so(coupling, said):
+    fall = Fall(
+        preset="motorcycle", speed=40.0, scene="wall", duration=0.12,
+        overrides={"helmet.coupling": coupling},
+    )  # fmt: skip
+    record = simulate(fall)
+    (strike,) = head_strikes(record)
+    (note,) = [note for note in strike.evaluation.warnings if said in note]
+    (whole,) = [note for note in record.notes if said in note]
+    assert note.partition(" at ")[2] == whole.partition(" at ")[2]
+    told, most = (float(re.search(r"by (\d+)", text)[1]) for text in (note, whole))
+    assert told == pytest.approx(most, rel=0.02)
+    assert note in repr(head_strikes(record))
+    mild = head_strikes(simulate(Fall(duration=0.9, overrides={"helmet.coupling": coupling})))
+    assert mild and not any(said in note for strike in mild for note in strike.evaluation.warnings)
+
+
+def test_a_strike_does_not_tell_what_the_neck_suffered_before_it():
+    fall = Fall(preset="motorcycle", speed=40.0, scene="wall", duration=0.6)
+    first, *later = head_strikes(simulate(fall))
+    (bent,) = [note for note in first.record.notes if note.startswith("neck_lower bent")]
+    assert later and not any(bent == note for strike in later for note in strike.record.notes)
 
 
 def test_a_faster_strike_is_harder():

@@ -127,7 +127,10 @@ def test_a_strike_too_fast_for_an_impact_is_in_the_table_alone():
     fall = Fall(preset="motorcycle", speed=40.0, scene="wall", pitch_deg=80.0, duration=0.15)
     fast = FallResult("into the wall", fall, head_strikes(simulate(fall)))
     assert fast.strikes[0].normal_velocity > 30.0
-    assert "into the wall,1," in to_csv([fast])
+    (first, *_) = csv.DictReader(to_csv([fast]).splitlines())
+    assert (first["fall"], first["strike"]) == ("into the wall", "1")
+    assert first["notes"] == "; ".join(fast.strikes[0].record.notes)
+    assert "more than the 44 mm that the liner has" in first["notes"]
     assert all(strike.normal_velocity <= 30.0 for _, _, strike in impacts_of([fast]))
     assert "into the wall, strike 1" not in (to_scenario([fast]) or "")
 
@@ -155,6 +158,15 @@ def test_the_verb_shows_a_fall_and_writes_its_strikes(tmp_path):
     assert done.exit_code == 0, done.output
     assert "Head strikes" in done.output and "road" in done.output
     assert {"falls.html", "strikes.csv", "strikes.yaml"} <= {p.name for p in output.iterdir()}
+
+
+def test_the_verb_tells_what_a_strike_did_beyond_what_the_helmet_has(tmp_path):
+    words = ["fall", "--speed", "40", "--scene", "wall", "--duration", "0.12"]
+    done = CliRunner().invoke(main, [*words, "--output", str(tmp_path)])
+    assert done.exit_code == 0, done.output
+    note = "more than the 44 mm that the liner has"
+    assert "motorcycle, strike 1: the coupling spring was compressed" in done.output
+    assert note in done.output and note in (tmp_path / "falls.html").read_text("utf-8")
 
 
 def test_the_verb_says_no_head_contact_and_refuses_bad_input():

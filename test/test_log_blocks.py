@@ -145,6 +145,15 @@ def test_extras_arrive_without_a_setup_and_a_setup_without_extras() -> None:
     assert record.extras == {} and record.setup == {"k": 1}
 
 
+@pytest.mark.parametrize("notes", ["one", 5, [5], {"a": 1}, None])
+def test_notes_that_are_no_texts_make_an_impact_incomplete(notes: object) -> None:
+    sent = blocks()
+    sent[-1] = replace(sent[-1], extras={"notes": notes})
+    assembler = Assembler()
+    (impact,) = [impact for block in sent for impact in assembler.feed(travelled(block))]
+    assert impact.record is None and "notes: must be a list of texts" in impact.problem
+
+
 def test_extras_that_only_begin_like_numbers_stay_as_they_are() -> None:
     odd = {"ragged": [[1.0], 2.0], "words": [1.0, "x"], "empty": [], "integers": [1, 2]}
     sent = blocks()

@@ -203,6 +203,12 @@ def test_export_writes_the_samples_and_a_table_of_strikes(path, tmp_path, record
     assert result.exit_code == 0, result.output
     channel = (tmp_path / "falls_struck" / "Channel" / "falls_struck.001").read_text()
     assert "Sampling interval           :4.99999" in channel or "5e-05" in channel
+    for name, words in (
+        ("falls_struck", ("Fall, pedestrian", "Simulated fall, rider", "the start of the fall")),
+        ("falls_drop", ("Helmet impact, ", "Simulated impact, headform", "the first touch")),
+    ):
+        test = (tmp_path / name / f"{name}.mme").read_text()
+        assert all(text in test for text in words)
 
 
 def test_recover_saves_a_complete_fall(path, tmp_path, record):

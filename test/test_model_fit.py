@@ -264,3 +264,24 @@ def test_peaks_hardly_depend_on_the_number_of_patches() -> None:
 
     n = load_helmet("fullface").padding.patches
     assert peak(n) == pytest.approx(peak(8 * n), rel=0.03)
+
+
+@pytest.mark.parametrize(
+    ("coupling", "rates", "padding"),
+    [
+        ("spring", "single", {}),  # stiff, on a metal head: its shear turned round at each step
+        ("foam", "single", {}),
+        ("foam", "several", {"relaxation": 0.01, "shear_modulus": 15e3, "modulus": 40e3,
+                             "thickness": 0.004}),
+    ],
+)  # fmt: skip
+def test_a_drop_on_the_crown_does_not_make_the_head_tremble(coupling, rates, padding):
+    setup = ImpactSetup(
+        rig="headform", helmet="fullface_paper", direction="top", normal_velocity=7.5, rates=rates,
+        overrides={"helmet.coupling": coupling}
+        | {f"helmet.padding.{name}": value for name, value in padding.items()},
+    )  # fmt: skip
+    record = simulate(setup)
+    turning = record.head_angular_acceleration
+    assert np.abs(turning).max() < 2000.0  # 6600 and more, with another sign at every step
+    assert np.abs(np.diff(turning, axis=0)).mean() < 50.0

@@ -11,6 +11,7 @@ from helmet_sim_ros.errors import SetupError
 from helmet_sim_ros.model.forms import worn
 from helmet_sim_ros.model.helmet import Helmet, load_helmet
 from helmet_sim_ros.model.identified import SIDES
+from helmet_sim_ros.model.impact import Impact
 from helmet_sim_ros.model.setup import ImpactSetup, setup_from_names
 from helmet_sim_ros.resources import share_directory
 
@@ -135,3 +136,20 @@ def test_the_description_of_a_setup_gives_back_its_helmet(overrides: dict[str, o
     assert again.helmet_config == setup.helmet_config
     assert again.described() == setup.described()
     assert again.head_surface == setup.head_surface
+
+
+@pytest.mark.parametrize("coupling", ["spring", "foam"])
+@pytest.mark.parametrize("mass", [0.18, 0.5, 1.35])
+def test_a_helmet_weighs_what_it_is_said_to(coupling: str, mass: float) -> None:
+    values = {"helmet.coupling": coupling, "helmet.mass": mass, "head.form": "en960_j"}
+    model = Impact(ImpactSetup(rig="headform", overrides=values)).model
+    assert model.body_mass.sum() == pytest.approx(4.7 + mass, rel=1e-12)
+
+
+@pytest.mark.parametrize("coupling", ["spring", "foam"])
+def test_a_helmet_lighter_than_what_is_struck_of_it_is_refused(coupling: str) -> None:
+    with pytest.raises(SetupError) as refused:
+        ImpactSetup(overrides={"helmet.coupling": coupling, "helmet.mass": 0.15})
+    assert {"helmet.mass", "helmet.shell.effective_mass", "helmet.liner.effective_mass"} == {
+        problem.key for problem in refused.value.problems
+    }

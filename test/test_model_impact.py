@@ -375,3 +375,22 @@ def test_a_stiff_padding_stays_stable(form: str, modulus: float) -> None:
         for step in (5e-5, 5e-6)
     ]  # fmt: skip
     assert peaks[0] == pytest.approx(peaks[1], rel=0.01)
+
+
+@pytest.mark.parametrize("coupling", ["spring", "foam"])
+def test_the_helmets_moment_turns_the_head_as_newton_and_euler_say(coupling: str) -> None:
+    setup = ImpactSetup(
+        rig="headform", direction="left", normal_velocity=6.0, tangential_velocity=6.0,
+        tangential_heading_deg=40.0,
+        overrides={"helmet.coupling": coupling, "head.form": "en960_j"},
+    )  # fmt: skip
+    assert setup.headform is not None
+    record, inertia = simulate(setup), np.array(setup.headform.inertia.value)
+    to_head = Rotation.from_quat(record.head_orientation).inv()
+    spin = to_head.apply(record.head_angular_velocity)
+    turning = inertia * to_head.apply(record.head_angular_acceleration)
+    needed = turning + np.cross(spin, inertia * spin)
+    arm = to_head.apply(record.helmet_position - record.head_position)
+    moment = record.coupling_torque + np.cross(arm, record.coupling_force)
+    assert np.abs(needed - moment).max() < 1e-6 * np.abs(moment).max()
+    assert np.abs(moment).max() > 20.0  # N m

@@ -18,6 +18,7 @@ from node_processes import DOMAIN
 from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.task import Future
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
@@ -48,20 +49,17 @@ def served(tmp_path: Path) -> Iterator[list[SingleThreadedExecutor]]:
     rclpy.try_shutdown()
 
 
-def test_a_log_is_finished_with_every_impact_that_was_acknowledged(
-    served: list[SingleThreadedExecutor],
-) -> None:
+def send(executors: list[SingleThreadedExecutor], count: int) -> None:
+    """Impacts and their criteria that arrive at the recorder, and have no turn there yet."""
     impacts = Impacts()
-    client: Node = served[0].get_nodes()[0]
+    client: Node = executors[0].get_nodes()[0]
     sender = client.create_publisher(Float64MultiArray, samples.TOPIC, SAMPLES_WRITER)
     judge = client.create_publisher(DiagnosticArray, CRITERIA_TOPIC, CRITERIA)
-    finish = client.create_client(Trigger, "recorder/finish")
-    assert finish.wait_for_service(30.0)
     deadline = time.monotonic() + 30.0
     while not (sender.get_subscription_count() and judge.get_subscription_count()):
         assert time.monotonic() < deadline
         time.sleep(0.01)
-    for number in range(COUNT):
+    for number in range(count):
         sender.publish(impacts.message(number))
         time_ns = round((1.0 + number * SPACING + impacts.record.time[-1]) * 1e9)
         judge.publish(
@@ -69,12 +67,47 @@ def test_a_log_is_finished_with_every_impact_that_was_acknowledged(
         )
     for publisher in (sender, judge):
         assert publisher.wait_for_all_acked(Duration(seconds=30.0))
-    answer = finish.call_async(Trigger.Request())
+
+
+def answered(executors: list[SingleThreadedExecutor], answer: Future) -> Trigger.Response:
+    """The answer, both sides being served until it comes."""
+    deadline = time.monotonic() + 30.0
     while not answer.done():
         assert time.monotonic() < deadline
-        for executor in served:
+        for executor in executors:
             executor.spin_once(timeout_sec=0.01)
-    assert answer.result().success, answer.result().message
-    log = open_log(json.loads(answer.result().message)["path"])
-    assert [impact.impact_id for impact in log.impacts] == [f"test-{i}" for i in range(COUNT)]
+    return answer.result()
+
+
+def check(answer: Trigger.Response, count: int) -> None:
+    assert answer.success, answer.message
+    log = open_log(json.loads(answer.message)["path"])
+    assert [impact.impact_id for impact in log.impacts] == [f"test-{i}" for i in range(count)]
     assert all(impact.evaluation for impact in log.impacts)
+
+
+def test_a_log_is_finished_with_every_impact_that_was_acknowledged(
+    served: list[SingleThreadedExecutor],
+) -> None:
+    finish = served[0].get_nodes()[0].create_client(Trigger, "recorder/finish")
+    assert finish.wait_for_service(30.0)
+    send(served, COUNT)
+    check(answered(served, finish.call_async(Trigger.Request())), COUNT)
+
+
+def test_the_first_impact_may_arrive_just_before_the_call(
+    served: list[SingleThreadedExecutor],
+) -> None:
+    """As a task, ``~/finish`` has its turn before samples, as where a wait saw them too late."""
+    (recorder,) = served[1].get_nodes()
+    send(served, 1)
+    check(answered(served, served[1].create_task(recorder._finish, None, Trigger.Response())), 1)
+
+
+def test_without_any_impact_there_is_no_log_to_finish(
+    served: list[SingleThreadedExecutor],
+) -> None:
+    finish = served[0].get_nodes()[0].create_client(Trigger, "recorder/finish")
+    assert finish.wait_for_service(30.0)
+    answer = answered(served, finish.call_async(Trigger.Request()))
+    assert not answer.success and answer.message == "no log is open"

@@ -53,6 +53,22 @@ def test_a_sound_log_is_shown_with_setup_versions_and_model(path):
     assert "DIFFERS" not in answer.output
 
 
+def test_a_note_says_of_which_impact_it_is(tmp_path):
+    write_log(tmp_path / "a.mcap", [ImpactSetup(rig="headform", duration=d) for d in (0.02, 0.001)])
+    lines = run("review", tmp_path / "a.mcap").output.splitlines()
+    (note,) = [line for line in lines if "ends while" in line]
+    assert note.startswith("note: ") and note.endswith(" (#2)")
+
+
+@pytest.mark.parametrize("width", ["40", "80"])
+def test_a_narrow_terminal_leaves_no_digit_out(path, width):
+    for words in (["review", "--all-criteria"], ["compare", str(path)]):
+        answer = CliRunner().invoke(main, [*words, str(path)], env={"COLUMNS": width})
+        assert answer.exit_code == 0 and "\N{HORIZONTAL ELLIPSIS}" not in answer.output
+        for impact in open_log(path):
+            assert f"{impact.evaluate().hic.value:.5g}" in answer.output
+
+
 def test_json_and_all_criteria_and_setup(path):
     answer = run("review", path, "--json")
     data = json.loads(answer.output)

@@ -61,6 +61,8 @@ def evaluate(
             )
         found[key] = _judged(found[key], limit)
     warnings = list(reasons)
+    if isinstance(record, ImpactRecord):
+        warnings += record.notes
     if standard is not None:
         warnings += _other_speed(record.setup, rules)
     return Evaluation(name, rules.title, found, _messages(found, rules), tuple(warnings))

@@ -14,6 +14,8 @@ from helmet_sim_ros.biomech.record import ImpactRecord
 from helmet_sim_ros.biomech.result import Criterion
 from helmet_sim_ros.biomech.signals import FilteredSignals, NotGiven, RawSignals, Signals
 
+#: A record that ends above this share of a peak of more than so many g cuts a pulse off: choices.
+CUT_OFF, SMALL_PEAK = 0.5, 10.0
 #: The setup value that ``bottoming`` needs.
 THICKNESS = "helmet.liner.thickness"
 
@@ -69,8 +71,19 @@ def measure(
             window = (start + window[0], start + window[1])
         time = None if sample is None else float(record.time[sample])
         criteria[name] = Criterion(name, float(value), unit, window, time, note=note)
-    warnings.append(filtered.warning)
+    warnings += [filtered.warning, _cut_off(raw)]
     return criteria, tuple(dict.fromkeys(filter(None, warnings)))
+
+
+def _cut_off(signals: Signals) -> str:
+    """What is to be said of a record that ends before its pulse."""
+    last, peak = float(signals.resultant[-1]), float(signals.resultant.max())
+    if peak <= SMALL_PEAK or last <= CUT_OFF * peak:
+        return ""
+    return (
+        f"the record ends while the head has {last:.0f} g, {100.0 * last / peak:.0f} % of the peak "
+        "in it: what comes after that is in no number here"
+    )
 
 
 @lru_cache(maxsize=64)

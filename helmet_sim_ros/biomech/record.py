@@ -182,6 +182,11 @@ class ImpactRecord:
         return block_units(self.joint_names, self._sampled)
 
     @property
+    def notes(self) -> tuple[str, ...]:
+        """What a reader should know of this record, in words; from its extras."""
+        return tuple(map(str, self.extras.get("notes", ())))
+
+    @property
     def _sampled(self) -> tuple[str, ...]:
         return tuple(name for name in SAMPLED if name in self.extras)
 

@@ -60,7 +60,8 @@ class Evaluation:
         title: its full title.
         criteria: by name.
         messages: the verdict in plain language, one line per limit, failures first.
-        warnings: what weakens these numbers (sample rate, other impact conditions, ...).
+        warnings: what weakens these numbers (sample rate, the record's notes, other impact
+            conditions, ...).
     """
 
     standard: str

@@ -7,6 +7,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from helmet_sim_ros.cli._console import print_table
 from helmet_sim_ros.cli._table import VERDICT_STYLE
 from helmet_sim_ros.study.certification.certify import Certification
 
@@ -61,7 +62,7 @@ def report(result: Certification, console: Console) -> None:
             "" if row.strain is None else f"{row.strain:.2f}", margin,
             Text(row.verdict, style=VERDICT_STYLE.get(row.verdict, "")),
         )  # fmt: skip
-    console.print(table)
+    print_table(console, table)
     for note in result.notes:
         console.print(f"- {note}", markup=False, style="dim")
     for text in protocol.not_modelled:

@@ -6,14 +6,15 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from helmet_sim_ros.cli._console import print_table
 from helmet_sim_ros.study.optimisation.trials import OptimisationResult, Trial
 
 
 def report(result: OptimisationResult, console: Console) -> None:
     """Print the best designs beside the reference, the sensitivity, and where the files are."""
     if result.best:
-        console.print(design_table(result))
-        console.print(sensitivity_table(result))
+        print_table(console, design_table(result))
+        print_table(console, sensitivity_table(result))
     else:
         closest = min(
             (t for t in result.trials if t.error is None),

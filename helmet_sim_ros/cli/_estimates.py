@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from helmet_sim_ros.cli._console import print_table
 from helmet_sim_ros.study.falls.measures import STRIKE_MEASURES
 from helmet_sim_ros.study.falls.summary import Summary, summarise
 from helmet_sim_ros.study.sweeps.percentiles import Estimate, converged, convergence
@@ -19,7 +20,7 @@ def report(result: SweepResult, console: Console) -> None:
     """Print estimates, failures and where the results are."""
     if result.study.file.percentiles is not None:
         found = convergence(result.table, result.study.file.percentiles)
-        console.print(estimate_table(found))
+        print_table(console, estimate_table(found))
         for last in (series[-1] for series in found if not converged(series)):
             text = f"{last.criterion}, {last.percent:g} %: not converged with {last.draws} draws"
             console.print(text, style="yellow")
@@ -42,7 +43,7 @@ def report_falls(result: SweepResult, console: Console) -> None:
     columns = result.table.to_pydict()
     wanted = result.study.file.percentiles
     for summary in summarise(columns, () if wanted is None else wanted.by):
-        console.print(falls_table(summary))
+        print_table(console, falls_table(summary))
     needed = {"peak_g", *(name for name in STRIKE_MEASURES)}
     if not needed <= columns.keys() or not any(columns["strikes"]):
         return

@@ -13,7 +13,7 @@ from rich.text import Text
 
 from helmet_sim_ros.biomech.catalogue import entry
 from helmet_sim_ros.biomech.histories import SPIKE_WIDTH
-from helmet_sim_ros.cli._console import PlainConsole
+from helmet_sim_ros.cli._console import PlainConsole, print_table
 from helmet_sim_ros.cli._logs import DIFFERENT, FINE
 from helmet_sim_ros.errors import LogError
 from helmet_sim_ros.mcap_log import open_log
@@ -114,7 +114,7 @@ def _show(
                 "" if i else pair.label, Text(name), _number(c.a), _number(c.b), gap, percent
             )
     console.print(f"A: {a}\nB: {b}", markup=False, soft_wrap=True)
-    console.print(table)
+    print_table(console, table)
     beyond = sum(c.differs for _, found in rows for c in found)
     missing = sum(not found for _, found in rows)
     text = "no difference" if same else f"{beyond} differences, {missing} impacts without pair"
@@ -140,7 +140,7 @@ def _show_alike(rows: list[tuple[Pair, Likeness]]) -> None:
             table.add_row("" if i else pair.label, name, *numbers, rating.grade)
     console = PlainConsole()
     console.print("Histories of B rated against A (ISO/TS 18571; 1 is alike)")
-    console.print(table)
+    print_table(console, table)
     console.print(
         f"Chatter: highest spike of the head acceleration within {1e3 * SPIKE_WIDTH:g} ms"
     )

@@ -34,6 +34,7 @@ def command(
     Exit code 0: the fall was simulated, with or without head contact; 1: it failed; 2: bad input,
     nothing was computed.
     """
+    from helmet_sim_ros.cli._console import print_table
     from helmet_sim_ros.cli._falls import rows_of, run_falls, strikes_table, summary, write_results
     from helmet_sim_ros.model.fall.setup import fall_from_names
     from helmet_sim_ros.study.scenario.overrides import parse_overrides
@@ -49,7 +50,12 @@ def command(
     results, failed = run_falls([(name, fall)], console)
     for line in failed:
         console.print(line, style="red", markup=False)
-    console.print(strikes_table([(r.name, rows_of(r.strikes)) for r in results]))
+    print_table(console, strikes_table([(r.name, rows_of(r.strikes)) for r in results]))
+    for result in results:
+        for number, strike in enumerate(result.strikes, 1):
+            for warning in strike.evaluation.warnings:
+                text = f"{result.name}, strike {number}: {warning}"
+                console.print(text, style="dim", markup=False, soft_wrap=True)
     console.print(summary(results), markup=False, soft_wrap=True)
     if output is not None:
         write_results(results, output, console)

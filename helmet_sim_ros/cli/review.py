@@ -14,7 +14,7 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from helmet_sim_ros.cli._console import PlainConsole
+from helmet_sim_ros.cli._console import PlainConsole, print_table
 from helmet_sim_ros.cli._falls import strike_rows, strikes_table
 from helmet_sim_ros.cli._logs import DIFFERENT, FINE, for_each_log, logs_argument
 from helmet_sim_ros.cli._table import SHORT as COLUMNS
@@ -110,7 +110,7 @@ def _show_log(
     if any(models := _models(rows)):
         say("  model: " + ", ".join(f"{k} {v}".strip() for v, k in models.items()))
     if rows:
-        console.print(_table(rows))
+        print_table(console, _table(rows))
     for number, row in enumerate(rows, 1):
         _show_differences(say, f"#{number}", row.impact.impact_id, row.differences)
     for number, fall in enumerate(falls, len(rows) + 1):
@@ -122,10 +122,21 @@ def _show_log(
             _show_differences(say, f"#{number}", strike.impact.impact_id, strike.differences)
     if falls:
         tables = [(f"#{n}", _strikes(fall)) for n, fall in enumerate(falls, len(rows) + 1)]
-        console.print(strikes_table(tables))
-    judged = [*rows, *(strike for fall in falls for strike in fall.strikes)]
-    for warning in dict.fromkeys(w for row in judged for w in row.evaluation.warnings):
-        say(f"note: {warning}", "dim")
+        print_table(console, strikes_table(tables))
+    for warning, of in _noted(rows, falls).items():
+        say(f"note: {warning} ({', '.join(of)})", "dim")
+
+
+def _noted(rows: list[Reviewed], falls: list[ReviewedFall]) -> dict[str, list[str]]:
+    """Each warning, and of which impacts and head strikes it is."""
+    judged = [(f"#{number}", row) for number, row in enumerate(rows, 1)]
+    for number, fall in enumerate(falls, len(rows) + 1):
+        judged += [(f"#{number} strike {n}", strike) for n, strike in enumerate(fall.strikes, 1)]
+    said: dict[str, list[str]] = {}
+    for name, row in judged:
+        for warning in row.evaluation.warnings:
+            said.setdefault(warning, []).append(name)
+    return said
 
 
 def _show_differences(
@@ -189,7 +200,7 @@ def _models(rows: list[Reviewed]) -> dict[str, str]:
 def _show_criteria(console: PlainConsole, rows: list[Reviewed]) -> None:
     for number, row in enumerate(rows, 1):
         case = {"name": f"#{number} {row.impact.impact_id}", "evaluation": row.evaluation.as_dict()}
-        console.print(criteria_table(case))
+        print_table(console, criteria_table(case))
 
 
 def _versions(run: dict[str, str]) -> str:

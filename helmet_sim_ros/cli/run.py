@@ -203,26 +203,31 @@ def check_alone(node: Any) -> None:
 
 def report(result: dict[str, Any], console: Console, all_criteria: bool, seconds: float) -> None:
     """Print the tables, what failed and why, and where the log is."""
+    from helmet_sim_ros.cli._console import print_table
     from helmet_sim_ros.cli._table import criteria_table, result_table
 
     rows = result["cases"]
     falls = [row for row in rows if row.get("strikes") is not None]
     impacts = [row for row in rows if row.get("strikes") is None]
     if impacts:
-        console.print(result_table(impacts, result["scenario"]))
+        print_table(console, result_table(impacts, result["scenario"]))
     if falls:
         from helmet_sim_ros.cli._falls import strike_rows, strikes_table
 
-        console.print(strikes_table([(row["name"], strike_rows(row["strikes"])) for row in falls]))
+        print_table(
+            console, strikes_table([(row["name"], strike_rows(row["strikes"])) for row in falls])
+        )
     if any(row.get("reference") for row in rows):
         console.print(f"Published values: {result['reference']}", style="dim", markup=False)
     if all_criteria:
         for name, evaluation in judged(rows):
-            console.print(criteria_table({"name": name, "evaluation": evaluation}))
+            print_table(console, criteria_table({"name": name, "evaluation": evaluation}))
     for row in rows:
         for name, evaluation in judged([row]):
             for message in failures(evaluation):
                 console.print(f"{name}: {message}", style="yellow", markup=False, soft_wrap=True)
+            for warning in evaluation["warnings"]:
+                console.print(f"{name}: {warning}", style="dim", markup=False, soft_wrap=True)
         if row["status"] != "evaluated":
             text = f"{row['name']}: {row['status']}: {row['error']}"
             console.print(text, style="red", markup=False, soft_wrap=True)

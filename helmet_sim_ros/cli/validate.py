@@ -9,6 +9,8 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from helmet_sim_ros.cli._console import print_table
+
 
 @click.command()
 @click.option("--output", default="docs", show_default=True, type=click.Path(path_type=Path),
@@ -55,7 +57,7 @@ def _experiments(console: Console, output: Path, references: Path | None) -> Non
         for finding in found:
             if finding.experiment.set == name:
                 table.add_row(*(cell.strip("*") for cell in table_row(finding)))
-        console.print(table)
+        print_table(console, table)
     accepted = sum(finding.accepted for finding in found)
     console.print(f"{accepted} of {len(found)} published values within their bounds")
     if references is None:

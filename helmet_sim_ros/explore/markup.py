@@ -182,8 +182,9 @@ def _cards(impacts: Mapping[Side, Shown]) -> str:
 
 
 def _notes(impact: Shown) -> list[str]:
-    notes = [] if impact.record is None else list(map(str, impact.record.extras.get("notes", ())))
-    return notes + ([] if impact.evaluation is None else list(impact.evaluation.warnings))
+    if impact.evaluation is not None:
+        return list(impact.evaluation.warnings)
+    return [] if impact.record is None else list(impact.record.notes)
 
 
 def _row(name: str, evaluations: Mapping[Side, Evaluation]) -> str:

@@ -262,11 +262,24 @@ def _with_arrays(extras: Mapping[str, Any]) -> dict[str, Any]:
         restored[name] = value
         if name == DENSE:
             restored[name] = _stretches(value)
+        elif name == "notes":
+            restored[name] = _texts(value)
         elif isinstance(value, list) and value and isinstance(value[0], (float, list)):
             # What only begins like numbers stays what it is.
             with suppress(ValueError, TypeError, OverflowError):
                 restored[name] = np.array(value, dtype=np.float64)
     return restored
+
+
+def _texts(value: object) -> list[str]:
+    """Notes.
+
+    Raises:
+        PulseError: not texts.
+    """
+    if not isinstance(value, list | tuple) or not all(isinstance(text, str) for text in value):
+        raise PulseError(f"notes: must be a list of texts, not {value!r:.80}")
+    return list(value)
 
 
 def _stretches(value: object) -> tuple[tuple[int, int], ...]:

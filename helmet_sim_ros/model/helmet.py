@@ -285,12 +285,16 @@ class Helmet(Config):
             return self
         if self.mass == 0.0:
             raise SetupError.of("mass", self.mass, "must be above 0 kg and at most 4 kg")
-        if self.shell.effective_mass > self.mass:
+        struck, inside = self.shell.effective_mass, self.liner.effective_mass
+        if struck + inside > self.mass:
+            beside = "with that of the {} must not exceed the helmet's mass, {:g} kg"
             raise SetupError(
                 [
-                    Problem("mass", self.mass, "must hold that of the struck shell"),
-                    Problem("shell.effective_mass", self.shell.effective_mass,
-                            f"must not exceed the helmet's mass, {self.mass:g} kg"),
+                    Problem("mass", self.mass, "must hold that of the struck shell and liner"),
+                    Problem("shell.effective_mass", struck,
+                            beside.format("liner", self.mass)),
+                    Problem("liner.effective_mass", inside,
+                            beside.format("shell", self.mass)),
                 ]
             )  # fmt: skip
         i = sorted(self.inertia)
@@ -308,6 +312,13 @@ class Helmet(Config):
                     "liner.columns", self.liner.columns, f"must be {cells}: {self.geometry}"
                 )  # fmt: skip
         return self
+
+    @property
+    def fitted_mass(self) -> float:
+        """What lies next to the padding and moves against the head [kg]: of a spring helmet the
+        liner's inside, of a foam helmet what is struck as well."""
+        struck = 0.0 if self.coupling == "spring" else self.shell.effective_mass
+        return struck + self.liner.effective_mass
 
 
 @lru_cache(maxsize=64)

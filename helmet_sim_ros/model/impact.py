@@ -226,13 +226,15 @@ class Impact:
         helmet_orientation = layout.read(sensors, "helmet_orientation")[:, [1, 2, 3, 0]]
         turn, helmet_turn = matrices(orientation), matrices(helmet_orientation)
         back = turn.transpose(0, 2, 1)
-        shift = np.zeros((len(q), 3))
+        shift, push, moment = np.zeros((len(q), 3)), rows.coupling[:, :3], rows.coupling[:, 3:]
         if layout.fit >= 0:
             shift = q[:, layout.fit : layout.fit + 3]
         if layout.slide >= 0:
             sprung = q[:, layout.slide : layout.slide + 3]
-            shift = shift + _turned(back, _turned(helmet_turn, sprung))
+            sprung = _turned(back, _turned(helmet_turn, sprung))
+            shift = shift + sprung
             displacement = shift
+            moment = moment - np.cross(sprung, push)  # it was about the liner's inside
         else:  # the crushed liner in the same sense: the surface pushes the shell inwards
             displacement = shift + _turned(back, rows.crush)
         helmet_position = position + _turned(turn, shift)
@@ -252,8 +254,8 @@ class Impact:
             ground_force=_part(helmet_load, FORCE),
             ground_torque=_part(helmet_load, MOMENT),
             ground_friction=_part(helmet_load, FRICTION),
-            coupling_force=rows.coupling[:, :3],
-            coupling_torque=rows.coupling[:, 3:],
+            coupling_force=push,
+            coupling_torque=moment,
             coupling_displacement=displacement,
             body_ground_force=_part(rows.surface[:, BODY], FORCE),
             neck_force=layout.read(sensors, "neck_force") if rider else zeros,

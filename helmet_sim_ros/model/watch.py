@@ -7,7 +7,9 @@ import math
 import mujoco
 import numpy as np
 
+from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.model.fall.setup import Fall
+from helmet_sim_ros.model.geometry import ZONES
 from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.layout import Layout
 from helmet_sim_ros.model.loop import Forces, Rows
@@ -50,19 +52,40 @@ def overloaded(
     """What the helmet suffered beyond what it has, in words."""
     if layout.slide < 0:
         largest = forces.liner.largest
-        if not len(largest) or largest.max() <= BOTTOMED:
+        if not len(largest):
             return ()
-        x, y, z = forces.liner.columns.point[int(largest.argmax())]
-        return (
-            f"the liner is crushed by {100 * largest.max():.0f} % at ({x * 1e3:.0f}, "
-            f"{y * 1e3:.0f}, {z * 1e3:.0f}) mm, more than foam has: do not rely on forces there",
-        )
+        most = int(largest.argmax())
+        return crushed(float(largest[most]), forces.liner.columns.point[most])
     stroke = np.linalg.norm(rows.qpos[:done, layout.slide : layout.slide + 3], axis=1)
-    longest = float(stroke.max(initial=0.0))
-    thickness = max(helmet.liner.zone_thickness(zone) for zone in ("front", "back", "side", "top"))
-    if longest <= thickness:
+    return compressed(float(stroke.max(initial=0.0)), helmet)
+
+
+def crushed(strain: float, point: FloatArray) -> tuple[str, ...]:
+    """A foam helmet's liner crushed beyond what foam has, in words.
+
+    Args:
+        strain: largest of any column.
+        point: of the column, helmet frame, (3,) [m].
+    """
+    if strain <= BOTTOMED:
+        return ()
+    x, y, z = point * 1e3
+    return (
+        f"the liner is crushed by {100 * strain:.0f} % at ({x:.0f}, {y:.0f}, {z:.0f}) mm, more "
+        "than foam has: do not rely on forces there",
+    )
+
+
+def compressed(stroke: float, helmet: Helmet) -> tuple[str, ...]:
+    """A helmet's coupling spring compressed beyond what the liner has, in words.
+
+    Args:
+        stroke: longest of the shell against the head [m].
+    """
+    thickness = max(helmet.liner.zone_thickness(zone) for zone in ZONES)
+    if stroke <= thickness:
         return ()
     return (
-        f"the coupling spring was compressed by {longest * 1e3:.0f} mm, more than the "
+        f"the coupling spring was compressed by {stroke * 1e3:.0f} mm, more than the "
         f"{thickness * 1e3:.0f} mm that the liner has: use helmet.coupling foam beyond its range",
     )

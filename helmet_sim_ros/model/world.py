@@ -18,7 +18,7 @@ from helmet_sim_ros.model.fall.values import FallValues
 from helmet_sim_ros.model.force.bodies import Chains, chains
 from helmet_sim_ros.model.force.columns import Columns, columns, no_columns
 from helmet_sim_ros.model.force.contact import Contact
-from helmet_sim_ros.model.force.fit import ELASTIC, STIFFEST
+from helmet_sim_ros.model.force.fit import ELASTIC, LINEAR_FROM, STIFFEST
 from helmet_sim_ros.model.force.friction import RELAXATION
 from helmet_sim_ros.model.force.neck import CervicalSpine
 from helmet_sim_ros.model.force.self_contact import SelfContact
@@ -234,7 +234,7 @@ def substeps(setup: ImpactSetup | FallValues, helmet: Helmet) -> int:
     The stiffest modes are those of the two light masses m on either side of the spring, whose
     unloading path has the slope C F: the struck shell on its contact (unloading stiffness k,
     damping c F at force F), and the liner's inside on the padding (unloading stiffness F / w,
-    damping c E A at most). Of a foam helmet it is both masses on the padding.
+    damping c E A at most), or sheared across it. Of a foam helmet it is both masses on the padding.
     An explicit step must stay below 2/w (sqrt(1 + z^2) - z), w^2 = (k + C F) / m,
     z = c F / (2 m w). F is bounded by the energy of head and helmet at the impact speed, with a
     margin for what the body adds.
@@ -248,7 +248,9 @@ def substeps(setup: ImpactSetup | FallValues, helmet: Helmet) -> int:
         return math.ceil(setup.time_step / max(step, MIN_STEP) - 1e-9)
     inside = np.sort(np.array(shell.semi_axes) - helmet.liner.thickness)
     area = math.pi * inside[1] * inside[2]  # the largest that is pressed at once
-    padding, rubbing = area * pad.modulus / pad.thickness, area * pad.modulus * pad.damping
+    sheared = pad.shear_modulus / (1.0 - LINEAR_FROM)  # with its pores closed
+    padding = area * max(pad.modulus, sheared) / pad.thickness
+    rubbing = area * pad.modulus * pad.damping
     if helmet.coupling == "foam":
         mass = shell.effective_mass + helmet.liner.effective_mass
         step = min(step, _longest(mass, max(padding, area * STIFFEST), rubbing))

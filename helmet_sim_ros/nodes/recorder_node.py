@@ -268,8 +268,6 @@ class RecorderNode(Node):
 
     @answering
     async def _finish(self, request: Any) -> str:
-        if self._session is None and not self._retired and not self._untold:
-            raise NodeError("no log is open")
         began = self._heard = time.monotonic()
         taken = 0.0
         await next_round(self)  # in the present one samples had their turn before this service
@@ -281,6 +279,8 @@ class RecorderNode(Node):
                 await next_round(self)
             else:
                 break
+        if self._session is None and not self._retired and not self._untold:
+            raise NodeError("no log is open")
         try:
             self._close_log("the log was finished by a client")
         except LogError as error:

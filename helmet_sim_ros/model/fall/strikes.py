@@ -21,6 +21,7 @@ from helmet_sim_ros.errors import PulseError, SetupError
 from helmet_sim_ros.extra import need
 from helmet_sim_ros.model.compiled import compiled
 from helmet_sim_ros.model.fall.setup import Fall, fall_from_names, setup_or_fall
+from helmet_sim_ros.model.fall.suffered import suffered
 from helmet_sim_ros.model.force.columns import first_touch
 from helmet_sim_ros.model.force.neck import CervicalSpine, elastic_length
 from helmet_sim_ros.model.placement import SITES, place_head
@@ -68,7 +69,8 @@ class Strike:
         struck: what is struck: the scene's name of the shape; ``shape``: its index there.
         point: where, world axes, (3,) [m]; ``normal``: outward there, (3,).
         state: of the rider in the last sample before the touch.
-        record: the samples of its own window, from that one on.
+        record: the samples of its own window, from that one on; its notes tell what helmet and neck
+            suffered there beyond what they have.
     """
 
     time: float
@@ -191,6 +193,7 @@ class HeadStrikes(tuple[Strike, ...]):
             f"{s.time:7.3f} s  {s.struck}: {s.normal_velocity:.1f} m/s into it, "
             f"{s.tangential_velocity:.1f} m/s along it, on {s.location.zone}, "
             f"{s.evaluation.peak_g.value:.0f} g"
+            + "".join(f"\n{' ' * 11}{n}" for n in s.record.notes)
             for s in self
         ]
         return "\n".join(lines)
@@ -245,6 +248,11 @@ def _strike(
     azimuth = math.degrees(math.atan2(y, x))
     elevation = math.degrees(math.atan2(z, math.hypot(x, y)))
     sine = -float(_body_axis(record, before, world) @ normal)
+    state = _state(record, before, point, normal, setup, world)
+    window = _window(record, before, last)
+    notes = suffered(
+        record, slice(before, last + 1), setup.helmet_config, world, float(state.yielded[0])
+    )
     return Strike(
         time,
         float(record.time[last]) - time,
@@ -256,8 +264,8 @@ def _strike(
         shape,
         point,
         normal,
-        _state(record, before, point, normal, setup, world),
-        _window(record, before, last),
+        state,
+        replace(window, extras=MappingProxyType({"notes": list(notes)})),
     )
 
 

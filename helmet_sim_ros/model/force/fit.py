@@ -107,6 +107,9 @@ class Fit(NamedTuple):
         area: (n,) [m^2].
         stick: shear deflection, head axes, (n, 3) [m]; state.
         deepest: largest compression, recovering, (n,) [m]; state.
+        mass: the least that shear moves against the head: along the slides, or turning, at the
+            farthest patch [kg].
+        sheared: stiffness in shear of all patches in the last step [N/m], (1,); state.
         pressing: how hard head and helmet press on each other, all sides together, (1,) [N]; their
             stiffness against each other is at most this over :data:`ELASTIC`.
     """
@@ -121,6 +124,8 @@ class Fit(NamedTuple):
     area: FloatArray
     stick: FloatArray
     deepest: FloatArray
+    mass: float
+    sheared: FloatArray
     pressing: FloatArray
 
 
@@ -166,7 +171,8 @@ def fit(helmet: Helmet, surface: HeadSurface, slide: int, slide_velocity: int) -
         slide, slide_velocity, padding_of(helmet, surface),
         Strap(strap.anchor, strap.chin, length, strap.stiffness, strap.damping),
         axes, shell.center, np.ascontiguousarray(point), np.ascontiguousarray(area),
-        np.zeros((len(area), 3)), np.zeros(len(area)), np.zeros(1),
+        np.zeros((len(area), 3)), np.zeros(len(area)),
+        min(helmet.fitted_mass, min(helmet.inertia) / max(axes) ** 2), np.zeros(1), np.zeros(1),
     )  # fmt: skip
 
 
@@ -282,6 +288,17 @@ def _pressure(padding: Padding, compression: float) -> float:
     return pressure(padding, compression)
 
 
+@inlined
+def resolved_relaxation(fit: Fit, step: float, ahead: float) -> float:
+    """Relaxation of the padding in shear [s], less where its damping would stop the helmet
+    on the head within a step [s], or two where velocities are ``ahead`` [s] of positions: explicit
+    damping turns such a motion round at every step."""
+    relaxation = fit.padding.relaxation
+    if relaxation * fit.sheared[0] * (step + 2.0 * ahead) > fit.mass:
+        return float(fit.mass / (fit.sheared[0] * (step + 2.0 * ahead)))
+    return relaxation
+
+
 @compiled
 def apply(fit: Fit, step: float, motion: Motion, loads: Loads) -> None:
     """Add padding, friction and strap to the joint axes between head and helmet.
@@ -304,6 +321,7 @@ def apply(fit: Fit, step: float, motion: Motion, loads: Loads) -> None:
     spin = turned(rotation, (qvel[v + 3], qvel[v + 4], qvel[v + 5]))
     inverse, center = inverse_of(fit.axes), fit.center
     recovered = min(1.0, step / RECOVERY)
+    relaxation, sheared = resolved_relaxation(fit, step, motion.ahead) - motion.ahead, 0.0
     force, moment, pressing = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0
     for i in range(len(areas)):
         arm = turned(rotation, row(points, i))
@@ -325,12 +343,14 @@ def apply(fit: Fit, step: float, motion: Motion, loads: Loads) -> None:
         pressing += areas[i] * full
         viscous = padding.damping * rate * min(full, padding.modulus)
         pressed = areas[i] * max(0.0, full + viscous)
+        sheared += shear * areas[i]
         rubbed = friction_force(
-            shear * areas[i], padding.relaxation - motion.ahead, padding.friction * pressed,
+            shear * areas[i], relaxation, padding.friction * pressed,
             across(velocity, normal), normal, step, sticks[i],
         )  # fmt: skip
         here = add(scaled(normal, pressed), rubbed)
         force, moment = add(force, here), add(moment, cross(arm, here))
+    fit.sheared[0] = sheared
     for side in (1.0, -1.0):
         arm = turned(rotation, (strap.anchor[0], side * strap.anchor[1], strap.anchor[2]))
         here = strap_force(strap, add(shift, arm), add(speed, cross(spin, arm)))

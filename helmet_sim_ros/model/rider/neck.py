@@ -11,6 +11,7 @@ the 3 to 4 kN/m with which bending lets the head move across the neck.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import mujoco
 import numpy as np
@@ -142,21 +143,34 @@ def overload(neck: CervicalSpine, positions: FloatArray) -> tuple[str, ...]:
     """
     if not len(neck.qpos) or not len(positions):
         return ()
+    turns = [
+        rotation_vectors(positions[:, [first + 1, first + 2, first + 3, first]])
+        for first in neck.qpos
+    ]
+    return strained(neck, positions[:, neck.slide[0]], turns)
+
+
+def strained(
+    neck: CervicalSpine, lengths: FloatArray, turns: Sequence[FloatArray]
+) -> tuple[str, ...]:
+    """What a neck suffered beyond what a neck has, in words.
+
+    Args:
+        lengths: of the slide, against that at rest, (n,) [m].
+        turns: rotation vectors of each of ``JOINTS``, (n, 3) [rad].
+    """
     notes = []
-    length = positions[:, neck.slide[0]]
-    shortened = -float(length.min()) - neck.plateaus[0] / neck.compression
+    shortened = -float(lengths.min()) - neck.plateaus[0] / neck.compression
     if shortened > 0.0:
         beyond = ", more than was measured" if shortened > MEASURED_SHORTENING else ""
         notes.append(
             f"the neck yielded at {neck.plateaus[0] / 1e3:.2f} kN of compression and lost "
             f"{shortened * 1e3:.0f} mm of its length{beyond}"
         )
-    if length.max() > neck.plateaus[1] / neck.tension:
+    if lengths.max() > neck.plateaus[1] / neck.tension:
         notes.append(f"the neck yielded at {neck.plateaus[1] / 1e3:.2f} kN of tension")
-    for i, name in enumerate(JOINTS):
-        first = neck.qpos[i]
-        bent = rotation_vectors(positions[:, [first + 1, first + 2, first + 3, first]])
-        excess = largest_excess(bent, neck.ranges[i])
+    for name, bent, ranges in zip(JOINTS, turns, neck.ranges, strict=True):
+        excess = largest_excess(bent, ranges)
         if excess > TOLD_EXCESS:
             notes.append(f"{name} bent {math.degrees(excess):.0f} deg beyond its range of motion")
     return tuple(notes)

@@ -118,7 +118,7 @@ def _shown(number: int, row: Row, result: Certification) -> dict[str, object]:
         "peak_g": f"{row.criteria['peak_g'].value:.0f}",
         "panels": panels,
         "values": values,
-        "messages": [*row.evaluation.messages, *row.evaluation.warnings, *row.notes],
+        "messages": [*row.evaluation.messages, *row.evaluation.warnings],
     }
 
 

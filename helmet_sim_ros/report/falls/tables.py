@@ -29,15 +29,17 @@ class FallResult:
 
 
 def to_csv(results: Sequence[FallResult]) -> str:
-    """One line per strike; criteria in their own units."""
+    """One line per strike; criteria in their own units, notes of what went beyond what there is."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["fall", "strike", *(f"{name} [{unit}]" for name, unit in COLUMNS), *CRITERIA])
+    columns = [f"{name} [{unit}]" for name, unit in COLUMNS]
+    writer.writerow(["fall", "strike", *columns, *CRITERIA, "notes"])
     for result in results:
         for number, row in enumerate(result.strikes.rows(CRITERIA), 1):
             cells = ["" if v is None else f"{v:.8g}" if isinstance(v, float) else v
                      for v in row.values()]  # fmt: skip
-            writer.writerow([result.name, number, *cells])
+            notes = "; ".join(result.strikes[number - 1].record.notes)
+            writer.writerow([result.name, number, *cells, notes])
     return text.getvalue()
 
 

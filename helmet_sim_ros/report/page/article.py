@@ -80,7 +80,7 @@ def article(
         "tiles": [_tile(evaluation.criteria[n]) for n in HEADLINE if n in evaluation.criteria],
         "setup": setup_rows({n: setup.get(n) for n in different}),
         "panels": [*filter(None, [crush_panel(record)]), *_panels(record)],
-        "notes": [str(note) for note in record.extras.get("notes", ())],
+        "notes": list(map(pretty, evaluation.warnings)),
         "replay": not problem,
         "replay_problem": problem,
         "data": packed(plain, arrays),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from importlib import resources
 from importlib.metadata import PackageNotFoundError, version
@@ -11,14 +11,12 @@ from pathlib import Path
 import jinja2
 from markupsafe import Markup
 
-from helmet_sim_ros.biomech.result import Evaluation
 from helmet_sim_ros.errors import LogError
 from helmet_sim_ros.mcap_log import ImpactLog, LoggedImpact
 from helmet_sim_ros.mcap_log.strikes import NOTHING
 from helmet_sim_ros.report.page.article import article, messages, setup_rows
 from helmet_sim_ros.report.page.blocks import packed
 from helmet_sim_ros.report.page.comparison import comparisons
-from helmet_sim_ros.report.page.quantity import pretty
 from helmet_sim_ros.report.page.replay import mesh_data
 from helmet_sim_ros.report.page.strikes import strikes_section
 from helmet_sim_ros.report.replay.scene import admit_helmets
@@ -117,11 +115,7 @@ def report_page(logs: Sequence[ImpactLog], standard: str | None = None) -> str:
         "setup": setup_rows(common(setups)),
         "provenance": [row for log in logs for row in _provenance(log)],
         "kept": sum(not m["fail"] for _, row in rows for m in messages(row.evaluation)),
-        "limits": [
-            _struck(setups),
-            *LIMITS,
-            *map(pretty, _warnings(row.evaluation for _, row in rows)),
-        ],
+        "limits": [_struck(setups), *LIMITS],
     }
     context |= {name: Markup(_asset(file)) for name, file in _INLINE.items()}
     environment = jinja2.Environment(
@@ -166,10 +160,6 @@ def _provenance(log: ImpactLog) -> list[dict[str, str]]:
         "model (SHA-256)": ", ".join(filter(None, hashes)),
     }
     return [{"name": key, "value": value} for key, value in values.items() if value]
-
-
-def _warnings(evaluations: Iterable[Evaluation]) -> list[str]:
-    return list(dict.fromkeys(warning for e in evaluations for warning in e.warnings))
 
 
 def _asset(name: str) -> str:

@@ -41,7 +41,7 @@ def _fall(fall: ReviewedFall) -> dict[str, object]:
         "check": fall.check,
         "differs": fall.check == "DIFFERS",
         "differences": [str(difference) for difference in fall.differences],
-        "notes": [str(note) for note in fall.fall.record.extras.get("notes", ())],
+        "notes": list(fall.fall.record.notes),
     }
 
 

@@ -246,5 +246,5 @@ def _judged(hit: Hit, record: ImpactRecord) -> Row:
     return Row(
         hit, evaluation, margin, closest, site_deg(hit.setup), record.time, linear, turning,
         record.extras.get("residual_crush"), None if crush is None else float(crush.max()),
-        tuple(record.extras["notes"]),
+        record.notes,
     )  # fmt: skip
