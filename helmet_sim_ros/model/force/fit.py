@@ -227,6 +227,14 @@ def inverse_of(axes: Vec) -> Vec:
 
 
 @inlined
+def level_of(point: Vec, inverse: Vec) -> float:
+    """Square of the factor that makes the head's ellipsoid reach a point: of a distance d [m] from
+    it, at least (1 + d / its shortest semi-axis)^2. Most patches touch nothing: this tells."""
+    ux, uy, uz = point[0] * inverse[0], point[1] * inverse[1], point[2] * inverse[2]
+    return ux * ux + uy * uy + uz * uz
+
+
+@inlined
 def above_head(point: Vec, inverse: Vec) -> tuple[float, Vec]:
     """Distance [m] of a point from the ellipsoid of the head to first order, and its normal.
 
@@ -320,13 +328,17 @@ def apply(fit: Fit, step: float, motion: Motion, loads: Loads) -> None:
     # A ball joint's velocity is in the axes of the child.
     spin = turned(rotation, (qvel[v + 3], qvel[v + 4], qvel[v + 5]))
     inverse, center = inverse_of(fit.axes), fit.center
+    farthest = (1.0 + padding.preload * max(inverse)) ** 2
     recovered = min(1.0, step / RECOVERY)
     relaxation, sheared = resolved_relaxation(fit, step, motion.ahead) - motion.ahead, 0.0
     force, moment, pressing = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0
     for i in range(len(areas)):
         arm = turned(rotation, row(points, i))
-        outside, normal = above_head(sub(add(shift, arm), center), inverse)
-        compression = padding.preload - outside
+        at = sub(add(shift, arm), center)
+        compression = 0.0
+        if level_of(at, inverse) < farthest:
+            outside, normal = above_head(at, inverse)
+            compression = padding.preload - outside
         if compression <= 0.0:
             deepest[i] -= deepest[i] * recovered
             sticks[i, 0] = sticks[i, 1] = sticks[i, 2] = 0.0
