@@ -105,10 +105,11 @@ def test_samples_that_are_not_uniform_in_time_are_refused() -> None:
 
 def test_channels_must_stay_the_same() -> None:
     first, second, *_ = blocks()
-    assembler = Assembler()
-    assembler.feed(first)
-    (impact,) = assembler.feed(replace(second, total=41))
-    assert "changed on the way" in impact.problem
+    for change in ({"total": 41}, {"labels": LABELS[::-1]}, {"uniform": False}):
+        assembler = Assembler()
+        assembler.feed(first)
+        (impact,) = assembler.feed(replace(second, **change))
+        assert "changed on the way" in impact.problem
 
 
 @pytest.mark.parametrize(

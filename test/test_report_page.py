@@ -25,7 +25,7 @@ from helmet_sim_ros.report.page.blocks import LEVELS, packed, unpacked
 from helmet_sim_ros.report.page.comparison import log_names
 from helmet_sim_ros.report.page.page import report_page
 from helmet_sim_ros.report.page.quantity import number, pretty, quantity
-from helmet_sim_ros.report.page.svg import ticks
+from helmet_sim_ros.report.page.svg import Curve, panel, ticks
 from helmet_sim_ros.study import load_reference, load_scenario
 
 BROWSERS = map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))
@@ -232,6 +232,40 @@ def test_the_same_blow_in_several_logs_is_laid_over_itself(six, tmp_path):
             assert arrays[f"a{i}"].max() == pytest.approx(impact.logged.peak_g.value, rel=1e-3)
         change = 100.0 * (second.logged.hic.value / first.logged.hic.value - 1.0)
         assert f"{change:+.1f} %".replace("-", "−") in part
+    links = re.findall(r'<a href="#impact-(\d+)">(table1|softer)</a>', part)
+    assert links == [("5", "table1"), ("7", "softer"), ("6", "table1"), ("8", "softer")]
+    numbers = re.findall(r'id="impact-(\d+)".*?of (table1|softer)\.mcap', html, re.S)
+    assert [n for n in numbers if n in links] == sorted(links)
+
+
+def test_a_blow_against_itself_shows_no_change(six):
+    path, _ = six
+    html = report_page([open_log(path), open_log(path)])
+    cells = re.findall(r'<td class="change">(.*?)</td>', html)
+    assert cells and set(cells) <= {"=", ""}
+
+
+def test_a_curve_stands_at_the_ticks_of_its_values():
+    x, y = np.array([0.0, 10.0, 20.0, 30.0]), np.array([0.0, -2.0, 4.0, 6.0])
+    text = panel("loop", "d [mm]", "F [kN]", [Curve(x, y, label="measured")])
+    columns, rows = {}, {}
+    for place, value in re.findall(
+        r'<text x="([\d.]+)" y="\d+" text-anchor="middle">(-?[\d.]+)<', text
+    ):
+        columns[float(value)] = float(place)
+    for place, value in re.findall(r'y="([\d.]+)" text-anchor="end">(-?[\d.]+)<', text):
+        rows[float(value)] = float(place) - 4.0
+    assert {0.0, 10.0, 20.0, 30.0} <= set(columns) and {-2.0, 0.0, 2.0, 4.0, 6.0} <= set(rows)
+    steps = [columns[value] - columns[value - 10.0] for value in (10.0, 20.0, 30.0)]
+    assert steps == pytest.approx([steps[0]] * 3, abs=0.11) and steps[0] > 50.0
+    assert rows[-2.0] - rows[6.0] > 100.0  # upwards
+    (points,) = re.findall(r'<polyline class="curve" points="(.*?)"', text)
+    drawn = [tuple(map(float, point.split(","))) for point in points.split()]
+    assert drawn == [(pytest.approx(columns[a], abs=0.11), pytest.approx(rows[b], abs=0.11))
+                     for a, b in zip(x, y, strict=True)]  # fmt: skip
+    _, _, width, height = map(float, re.search(r'viewBox="(.*?)"', text)[1].split())
+    assert all(0.0 < a < width and 0.0 < b < height for a, b in drawn)
+    assert "F [kN] over d [mm]" in text and ">measured<" in text
 
 
 def test_logs_of_one_name_are_told_apart(tmp_path):

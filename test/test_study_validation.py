@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from helmet_sim_ros.model.impact import Impact
 from helmet_sim_ros.report.validation.document import write_validation
 from helmet_sim_ros.study.validation.case import against_published, errors
 from helmet_sim_ros.study.validation.validate import VARIATIONS, Validation, validate
@@ -13,6 +14,10 @@ from helmet_sim_ros.study.validation.validate import VARIATIONS, Validation, val
 @pytest.fixture(scope="module")
 def result() -> Validation:
     return validate()
+
+
+def test_errors_are_the_mean_and_the_largest_in_percent() -> None:
+    assert errors([110.0, 40.0, 30.0], [100.0, 50.0, 30.0]) == pytest.approx((10.0, 20.0))
 
 
 def test_the_spring_agrees_with_its_foam_better_than_the_papers_did(result: Validation) -> None:
@@ -91,6 +96,9 @@ def test_the_report_holds_the_tables_and_figures(result: Validation, tmp_path: P
     foam = [f for _, f in result.table]
     assert f"**{against_published(foam, 'FE', 'peak_g')[0]:.1f} %" in text
     assert text.count("\n| vn7.5 vt10 |") >= 2 and "calibrated" in text
+    head = float(Impact(foam[0].setup).model.body("head").mass[0])
+    own = foam[0].setup.helmet_config.mass + head
+    assert f"head and helmet alone weigh {own:.2f} kg" in text
     figures = sorted(path.name for path in (tmp_path / "figures").iterdir())
     assert figures == ["drop_loops.svg", "drop_peaks.svg", "oblique_histories.svg"]
     for name in figures:
