@@ -85,6 +85,9 @@ def test_a_tall_rider_keeps_his_feet_out_of_the_ground_unless_a_height_is_given(
     ("bad", "said"),
     [
         ({"speed": 400.0}, r"speed = 400\.0: must be a number from 0 to 40 m/s"),
+        ({"pitch_deg": 181.0}, r"pitch_deg = 181\.0: must be a number from -180 to 180 deg"),
+        ({"roll_deg": -181.0}, r"roll_deg = -181\.0: must be a number from -180 to 180 deg"),
+        ({"heading_deg": 361.0}, r"heading_deg = 361\.0: must be a number from -360 to 360 deg"),
         ({"height": 0.3}, r"height = 0\.3: foot_.* inside the road"),
         ({"duration": 6.0}, r"duration = 6\.0: must be a number from above 0 to 5 s|from 0\.001"),
         ({"scene": "moon"}, r"fall\.scene = 'moon': must be one of car, kerb"),

@@ -106,6 +106,21 @@ def test_a_summary_counts_falls_without_contact_and_leaves_failed_ones_out():
     assert zone_of(170.0, 10.0) == "back" and zone_of(0.0, 80.0) == "top"
 
 
+def test_a_summary_tells_mean_deviation_and_percentiles_of_each_group():
+    columns = {
+        "status": ["ok"] * 5, "strikes": [1.0] * 5, "fall.scene": ["road"] * 3 + ["car"] * 2,
+        "peak_angular_acceleration": [1000.0, 2000.0, 6000.0, 4000.0, 4000.0],
+    }  # fmt: skip
+    road, car = summarise(columns, ["fall.scene"])
+    assert [(s.group, s.falls, s.struck) for s in (road, car)] == [("road", 3, 3), ("car", 2, 2)]
+    (spread,), (same,) = road.measures, car.measures
+    assert (spread.name, spread.unit) == ("peak_angular_acceleration", "krad/s^2")
+    assert (spread.mean, spread.median) == pytest.approx((3.0, 2.0))
+    assert spread.deviation == pytest.approx(7.0**0.5)  # of a sample: over n - 1
+    assert (spread.low, spread.high) == pytest.approx((1.1, 5.6))
+    assert (same.mean, same.deviation, same.low, same.high) == pytest.approx((4.0, 0.0, 4.0, 4.0))
+
+
 @pytest.mark.parametrize("name", ["falls_motorcycle"])
 def test_a_scenario_of_falls_is_made_of_falls(name):
     scenario = load_scenario(name, duration=0.5)

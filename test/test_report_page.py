@@ -23,6 +23,7 @@ from helmet_sim_ros.biomech.pulse import magnitude
 from helmet_sim_ros.cli import main
 from helmet_sim_ros.report.page.blocks import LEVELS, packed, unpacked
 from helmet_sim_ros.report.page.comparison import log_names
+from helmet_sim_ros.report.page.crush import color, crush_map
 from helmet_sim_ros.report.page.page import report_page
 from helmet_sim_ros.report.page.quantity import number, pretty, quantity
 from helmet_sim_ros.report.page.svg import Curve, panel, ticks
@@ -272,6 +273,23 @@ def test_logs_of_one_name_are_told_apart(tmp_path):
     paths = [tmp_path / "a" / "x.mcap", tmp_path / "b" / "x.mcap"]
     assert log_names(paths) == ["a/x", "b/x"]
     assert log_names([paths[0], paths[0]]) == ["a/x (1)", "a/x (2)"]
+
+
+def test_a_map_of_crush_has_the_crown_in_the_middle_and_the_left_side_left():
+    """Front up, as far from the middle as the angle from the crown; the darkest is the worst."""
+    place = np.array([[0, 0, 1], [1, 0, 0], [0, 1, 0], [0, 2, 2], [-1, 0, 0], [0, 0, -1]], float)
+    crush = np.array([4.0, 2.0, 1.0, 3.0, 0.0, 4.0]) * 1e-3
+    found = crush_map(crush, 0.1 * place)
+    assert found["title"].endswith("at most 4\u00a0mm")
+    dots = re.findall(r'<circle cx="(\d+)" cy="(\d+)" r="[\d.]+" fill="(.*?)"', found["svg"])
+    (cx, cy, worst), (fx, fy, half), (lx, ly, _), (sx, sy, _) = [
+        (float(x), float(y), fill) for x, y, fill in dots
+    ]
+    assert len(dots) == 4  # neither what is not crushed nor what is below
+    assert (fx, sy, ly) == (cx, cy, cy) and fy < cy and lx < sx < cx
+    assert (cx - lx, 2 * (cx - sx)) == pytest.approx((cy - fy, cy - fy), abs=2.0)
+    assert (worst, half) == (color(1.0), color(0.5))
+    assert crush_map(crush[:5], place) is None
 
 
 @pytest.mark.parametrize(
