@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import csv
+import re
+from dataclasses import replace
 
 import pytest
 import yaml
@@ -11,6 +13,8 @@ from click.testing import CliRunner
 from helmet_sim_ros import Fall, head_strikes, simulate
 from helmet_sim_ros.cli import main
 from helmet_sim_ros.errors import SetupError
+from helmet_sim_ros.model.fall.strikes import Location
+from helmet_sim_ros.report.falls.map import strike_map
 from helmet_sim_ros.report.falls.page import falls_page
 from helmet_sim_ros.report.falls.tables import (
     SLOWEST,
@@ -161,6 +165,27 @@ def test_the_page_shows_strikes_and_falls_without(result):
     page = falls_page([result, empty])
     assert page.count('<td class="number"><a href="#strike-') == len(result.strikes)
     assert "No head contact: &lt;b&gt;upright" in page and "<b>upright" not in page
+
+
+def test_a_strike_is_drawn_where_the_map_says_that_it_is(result):
+    strike = result.strikes[0]
+    places = {"front": (0.0, 45.0), "left": (90.0, 0.0), "right": (-90.0, -45.0)}
+    strikes = [
+        (f"#{name}", replace(strike, location=Location(*place, name)))
+        for name, place in places.items()
+    ]
+    text = strike_map(strikes)
+    columns = {name: float(x) for x, name in re.findall(
+        r'<text x="([\d.]+)" y="[\d.]+" text-anchor="middle">(\w+)<', text)}  # fmt: skip
+    rows = {name: float(y) - 4.0 for y, name in re.findall(
+        r'y="([\d.]+)" text-anchor="end">([-\d]+)°<', text)}  # fmt: skip
+    dots = re.findall(r'<circle class="mark" cx="([\d.]+)" cy="([\d.]+)"', text)
+    for (x, y), (name, (_, elevation)) in zip(dots, places.items(), strict=True):
+        assert float(x) == pytest.approx(columns[name], abs=0.06)
+        assert float(y) == pytest.approx(rows[f"{elevation:.0f}"], abs=0.06)
+    assert columns["left"] < columns["front"] < columns["right"]  # as seen from behind
+    assert rows["45"] < rows["0"] < rows["-45"]
+    assert f"#left: {strike.struck}, {strike.normal_velocity:.1f} m/s" in text
 
 
 def test_the_verb_shows_a_fall_and_writes_its_strikes(tmp_path):

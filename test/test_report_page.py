@@ -93,6 +93,14 @@ def test_the_table_has_the_papers_columns_and_our_numbers(six):
     assert {"MB", "FE", "THUMS"} <= set(page.texts)
 
 
+def test_a_bar_shows_the_share_of_the_limit_that_is_used(six):
+    path, file = six
+    bars = re.findall(r'class="bar"><span style="width: (\d+)%"', file.read_text(encoding="utf-8"))
+    used = [impact.logged.criteria[n].value / limit for impact in open_log(path)
+            for n, limit in (("peak_g", 275.0), ("hic", 2400.0))]  # fmt: skip
+    assert [int(bar) for bar in bars] == [round(100.0 * min(1.0, share)) for share in used]
+
+
 def test_histories_peaks_and_window_are_those_of_the_log(six):
     path, file = six
     for (data, arrays), impact in zip(

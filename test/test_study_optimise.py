@@ -118,6 +118,14 @@ def test_a_thicker_liner_leaves_the_head_its_room():
     assert after.semi_axes[2] == before.semi_axes[2]
 
 
+def test_the_inertia_of_a_design_grows_with_its_mass_and_the_square_of_its_size():
+    thick = make_design(HELMET, {"liner.thickness": 0.050}, RULES).helmet
+    size = np.mean(thick.shell.semi_axes) / np.mean(HELMET.shell.semi_axes)
+    assert size > 1.01 and thick.mass > HELMET.mass
+    expected = np.array(HELMET.inertia) * thick.mass / HELMET.mass * size**2
+    assert thick.inertia == pytest.approx(tuple(expected), rel=1e-9)
+
+
 def test_what_follows_from_the_design_cannot_be_varied():
     with pytest.raises(SetupError, match="follows from"):
         make_design(HELMET, {"mass": 1.0}, RULES)
