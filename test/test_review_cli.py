@@ -23,7 +23,7 @@ from helmet_sim_ros.mcap_log.blocks import Assembled
 from helmet_sim_ros.nodes import samples
 from helmet_sim_ros.nodes.diagnostics import from_evaluation, from_problem
 from helmet_sim_ros.report.review.check import evaluation_differences, review
-from helmet_sim_ros.report.review.summary import common, label, varying
+from helmet_sim_ros.report.review.summary import common, label, labels, varying
 
 SETUPS = [
     ImpactSetup(duration=0.015, normal_velocity=5.0, tangential_velocity=5.0),
@@ -161,6 +161,23 @@ def test_what_another_processor_rounds_otherwise_is_no_difference():
 )  # fmt: skip
 def test_an_impact_is_called_by_direction_and_speeds(setup, words):
     assert label(setup) == words
+
+
+def test_impacts_are_told_apart_by_up_to_four_values_that_differ():
+    one = {"impact.direction": "left", "impact.normal_velocity": 5.0, "helmet.mass": 1.25,
+           "helmet.description": "mine", "rider.mass": 70.0, "impact.friction": 0.4,
+           "rider.height": 1.7, "sim.duration": 0.03}  # fmt: skip
+    two = one | {"helmet.mass": 1.5, "rider.mass": 80.0, "impact.friction": 0.5,
+                 "helmet.description": "yours"}  # fmt: skip
+    three = two | {"rider.height": 1.8, "sim.duration": 0.04}
+    assert labels([one, two]) == [
+        "left, 5 m/s; helmet mass 1.25; rider mass 70; friction 0.4",
+        "left, 5 m/s; helmet mass 1.5; rider mass 80; friction 0.5",
+    ]
+    assert labels([one, three], speeds=False)[1] == (
+        "left; helmet mass 1.5; rider mass 80; friction 0.5; height 1.8"
+    )
+    assert labels([one, dict(one)]) == ["left, 5 m/s"] * 2
 
 
 def test_impacts_share_what_does_not_vary():
