@@ -139,3 +139,13 @@ def test_a_low_rate_warns_and_an_impossible_one_is_refused() -> None:
         cfc(values, 1000, 1e-4)
     with pytest.raises(PulseError, match="too coarse for CFC 1000"):
         cfc(values, 1000, 1 / 4000)
+
+
+@pytest.mark.parametrize("channel_class", CLASSES)
+def test_ten_samples_per_class_are_enough_and_a_hundredth_less_is_not(channel_class: int) -> None:
+    values, limit = np.zeros(100), 1.0 / (10.0 * channel_class)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        cfc(values, channel_class, limit)
+    with pytest.warns(SampleRateWarning, match=f"CFC {channel_class} needs"):
+        cfc(values, channel_class, 1.01 * limit)

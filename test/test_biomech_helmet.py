@@ -126,3 +126,23 @@ def test_known_points_of_the_risk_curves() -> None:
     exact = 1 / (1 + np.exp(4.90 + 200 / 1000 - 0.00351 * 1000))
     assert risk_prasad_mertz(1000.0, 4) == pytest.approx(exact)
     assert risk_prasad_mertz(1e-9, 1) == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize(
+    ("ais", "a", "b"),
+    [(1, 1.54, 0.00650), (2, 2.49, 0.00483), (3, 3.39, 0.00372), (4, 4.90, 0.00351),
+     (5, 7.82, 0.00429), (6, 12.24, 0.00565)],
+)  # fmt: skip
+def test_the_expanded_prasad_mertz_curves_are_those_published(ais: int, a: float, b: float) -> None:
+    for hic15 in (50.0, 700.0, 2000.0):
+        exact = 1.0 / (1.0 + np.exp(a + 200.0 / hic15 - b * hic15))
+        assert risk_prasad_mertz(hic15, ais) == pytest.approx(exact, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("ais", "scale"), [(1, 0.120), (2, 0.602), (3, 0.987), (4, 1.204), (5, 1.252)]
+)
+def test_the_bric_curves_are_those_published(ais: int, scale: float) -> None:
+    for share in (0.3, 1.0, 1.5):
+        exact = 1.0 - np.exp(-(share**2.84))
+        assert risk_bric(share * scale, ais) == pytest.approx(exact, rel=1e-12)

@@ -127,3 +127,29 @@ def test_a_missing_file_and_an_unknown_name_are_refused(tmp_path):
         read_pulse(path, {"accel": "acceleration"})
     with pytest.raises(PulseError, match="angular_velocity: 5 samples, but time has 400"):
         MeasuredPulse(TIME, PULSE, SPIN[:5])
+
+
+@pytest.mark.parametrize(
+    ("quantity", "unit", "si"),
+    [
+        ("time", "s", 1.0), ("time", "ms", 1e-3), ("time", "us", 1e-6), ("time", "µs", 1e-6),
+        ("acceleration", "g", 9.80665), ("acceleration", "m/s^2", 1.0),
+        ("angular_velocity", "rad/s", 1.0), ("angular_velocity", "°/s", np.pi / 180.0),
+        ("angular_acceleration", "rad/s²", 1.0), ("angular_acceleration", "krad/s^2", 1e3),
+        ("angular_acceleration", "deg/s^2", np.pi / 180.0),
+    ],
+)  # fmt: skip
+def test_every_unit_becomes_si(tmp_path, quantity, unit, si):
+    units = {"time": "s", "acceleration": "m/s^2", "angular_velocity": "rad/s",
+             "angular_acceleration": "rad/s^2"} | {quantity: unit}  # fmt: skip
+    names = []
+    for name, said in units.items():
+        axes = ("_x", "_y", "_z") if name.startswith("angular") else ("",)
+        names += [f"{name}{axis} [{said}]" for axis in axes]
+    numbers = np.arange(5.0)
+    path = write(tmp_path / "a.csv", ",".join(names), [numbers] * len(names))
+    pulse = read_pulse(path)
+    for name in units:
+        factor = si if name == quantity else 1.0
+        for column in getattr(pulse, name).reshape(5, -1).T:
+            assert column == pytest.approx(factor * numbers, rel=1e-12)

@@ -157,3 +157,28 @@ def test_stamps_rounded_to_nanoseconds_are_uniform() -> None:
 def test_a_clip_longer_than_the_pulse_is_refused() -> None:
     with pytest.raises(PulseError, match="shorter than the duration"):
         biomech.clip(PULSE, STEP, 0.011)
+
+
+@pytest.mark.parametrize("share", [-1.0, 1.0])
+def test_one_interval_may_be_off_by_a_thousandth_of_the_mean(share: float) -> None:
+    stamps = np.arange(1000) * STEP
+    stamps[500] += share * 0.9e-3 * STEP
+    assert uniform_time_step(stamps) == pytest.approx(STEP)
+    stamps[500] += share * 0.15e-3 * STEP
+    with pytest.raises(PulseError, match="must be uniform"):
+        uniform_time_step(stamps)
+
+
+def test_the_severest_impact_that_is_one_has_a_severity_of_1e5() -> None:
+    level = (1e5 / (201 * STEP)) ** 0.4
+    assert biomech.clip(np.full(201, 0.9999 * level), STEP).value == pytest.approx(0.9999 * level)
+    with pytest.raises(PulseError, match="no head impact in g"):
+        biomech.clip(np.full(201, 1.0001 * level), STEP)
+
+
+def test_a_quaternion_may_be_rounded_to_three_digits() -> None:
+    for factor in (1.0 - 0.9e-3, 1.0 + 0.9e-3):
+        biomech.to_head_axes(GOOD, np.sqrt(factor) * UNIT)
+    for factor in (1.0 - 1.05e-3, 1.0 + 1.05e-3):
+        with pytest.raises(PulseError, match="not a unit quaternion"):
+            biomech.to_head_axes(GOOD, np.sqrt(factor) * UNIT)

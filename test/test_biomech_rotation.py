@@ -85,6 +85,23 @@ def test_bric_is_the_norm_over_the_axes_whenever_the_peaks_occur() -> None:
     assert bric(np.zeros((10, 3))) == 0.0
 
 
+@pytest.mark.parametrize(
+    ("critical", "values"),
+    [
+        ("average", (66.25, 56.45, 42.87)),
+        ("mps", (66.30, 53.80, 41.50)),
+        ("csdm", (66.20, 59.10, 44.25)),
+    ],
+)
+def test_bric_is_1_at_each_published_critical_velocity(
+    critical: str, values: tuple[float, ...]
+) -> None:
+    for axis, value in enumerate(values):
+        omega = np.zeros((5, 3))
+        omega[3, axis] = -value
+        assert bric(omega, critical) == pytest.approx(1.0, rel=1e-12)  # type: ignore[arg-type]
+
+
 def test_bric_and_ubric_agree_with_an_independent_library() -> None:
     injury = pytest.importorskip("dynars").injury
     omega, alpha = np.abs(wandering(4, scale=3.0)), wandering(5)

@@ -96,6 +96,13 @@ def test_an_unknown_criterion_is_refused_by_name(name: str) -> None:
         evaluate(RECORD, criteria=["hic", name])
 
 
+def test_of_the_known_criteria_the_three_nearest_are_told() -> None:
+    with pytest.raises(PulseError) as refused:
+        evaluate(RECORD, criteria=["peak_neck"])
+    known = str(refused.value).partition("known: ")[2].partition(";")[0].split(", ")
+    assert len(known) == 3 and all(name.startswith("peak_neck_") for name in known)
+
+
 def test_one_text_is_not_taken_for_names() -> None:
     with pytest.raises(PulseError, match="criteria = 'hic'"):
         evaluate(RECORD, criteria="hic")

@@ -141,3 +141,32 @@ def test_the_documentation_names_every_standard_and_criterion() -> None:
     for name in CATALOGUE:
         base = re.sub(r"_cfc\d+$", "", name)
         assert base in named or re.fullmatch(ranges, base), name
+
+
+@pytest.mark.parametrize(
+    ("speed", "said"), [(7.36, False), (7.64, False), (7.34, True), (7.66, True)]
+)
+def test_a_speed_is_another_from_2_percent_on(speed: float, said: bool) -> None:
+    from dataclasses import replace
+
+    record = replace(drop_record(), setup={"impact.normal_velocity": speed})
+    assert bool(evaluate(record, "ece_r22_05").warnings) == said
+
+
+def test_a_value_just_at_its_limit_passes_and_what_fails_is_told_first(tmp_path: Path) -> None:
+    record = drop_record(peak_g=200.0)
+    values = evaluate(record).criteria
+    below = float(np.nextafter(values["gsi"].value, 0.0))
+    limits = {"peak_g": values["peak_g"].value, "gsi": below, "dwell_150g": 0.010}
+    lines = [f"  {n}: {{max: {x!r}, source: s, verified: true}}" for n, x in limits.items()]
+    path = tmp_path / "house.yaml"
+    path.write_text("\n".join(["title: t", "limits:", *lines]))
+    result = evaluate(record, str(path))
+    assert [result.criteria[n].verdict for n in ("peak_g", "gsi", "dwell_150g")] == [
+        "pass", "fail", "pass",
+    ]  # fmt: skip
+    assert [m.split(" ")[0] for m in result.messages] == ["gsi", "peak_g", "dwell_150g"]
+    over = 0.010 - values["dwell_150g"].value
+    assert result.messages[2].endswith(
+        f"is within the limit of 10 ms by {1e3 * over:.4g} ms ({over / 0.010:.1%})"
+    )

@@ -5,9 +5,11 @@ from __future__ import annotations
 import re
 from functools import lru_cache
 
+import mujoco
 import numpy as np
 import pytest
 import yaml
+from scipy.spatial.transform import Rotation
 
 from helmet_sim_ros import Fall, ImpactSetup, evaluate, head_strikes, simulate
 from helmet_sim_ros.biomech.record import same_samples
@@ -84,6 +86,9 @@ def test_a_tall_rider_keeps_his_feet_out_of_the_ground_unless_a_height_is_given(
     ("bad", "said"),
     [
         ({"speed": 400.0}, r"speed = 400\.0: must be a number from 0 to 40 m/s"),
+        ({"pitch_deg": 181.0}, r"pitch_deg = 181\.0: must be a number from -180 to 180 deg"),
+        ({"roll_deg": -181.0}, r"roll_deg = -181\.0: must be a number from -180 to 180 deg"),
+        ({"heading_deg": 361.0}, r"heading_deg = 361\.0: must be a number from -360 to 360 deg"),
         ({"height": 0.3}, r"height = 0\.3: foot_.* inside the road"),
         ({"duration": 6.0}, r"duration = 6\.0: must be a number from above 0 to 5 s|from 0\.001"),
         ({"scene": "moon"}, r"fall\.scene = 'moon': must be one of car, kerb"),
@@ -198,6 +203,47 @@ def test_a_strike_does_not_tell_what_the_neck_suffered_before_it():
     assert later and not any(bent == note for strike in later for note in strike.record.notes)
 
 
+@pytest.mark.parametrize("form", ["foam", "spring"])
+def test_a_strike_alone_begins_with_head_helmet_and_shell_as_its_state_has_them(form):
+    worst = fallen()[2].worst
+    state = worst.state._replace(
+        shift=np.array([2e-3, -1e-3, 3e-3]), shift_rate=np.array([0.2, -0.3, 0.1]),
+        turn=np.array([0.05, -0.08, 0.11]), turn_rate=np.array([1.0, -2.0, 3.0]),
+        shell=np.array([4e-3, 5e-3, -6e-3]), shell_rate=np.array([-0.4, 0.5, 0.6]),
+    )  # fmt: skip
+    setup = worst.setup()
+    overrides = {**setup.overrides, "helmet.coupling": form}
+    setup = ImpactSetup(**{**setup.model_dump(), "state": state.numbers(), "overrides": overrides})
+    world = build(setup, setup.helmet_config, dented=True)  # dented: it stays where it is
+    model, data = world.parts.model, world.data
+    mujoco.mj_fwdPosition(model, data)
+    mujoco.mj_fwdVelocity(model, data)
+    speeds = {}
+    for body in ("head", "helmet"):
+        both, index = np.empty(6), model.body(body).id
+        mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_XBODY, index, both, 0)
+        speeds[body] = both[3:], both[:3]
+    (speed, spin), (helmet_speed, helmet_spin) = speeds["head"], speeds["helmet"]
+    assert data.body("head").xpos == pytest.approx(state.position)
+    assert speed == pytest.approx(state.velocity)
+    assert spin == pytest.approx(state.angular_velocity)
+    back, turn = data.body("head").xmat.reshape(3, 3).T, Rotation.from_rotvec(state.turn)
+    upright = Rotation.from_quat(state.orientation).inv()
+    assert back == pytest.approx(upright.as_matrix(), abs=1e-9)
+    assert back @ data.body("helmet").xmat.reshape(3, 3) == pytest.approx(turn.as_matrix())
+    assert back @ (helmet_spin - spin) == pytest.approx(state.turn_rate)
+    shell, rate = (
+        (turn.apply(state.shell), turn.apply(state.shell_rate))
+        if form == "spring"
+        else (np.zeros(3), np.zeros(3))
+    )
+    away = data.body("helmet").xpos - data.body("head").xpos
+    assert back @ away == pytest.approx(state.shift + shell)
+    carried = back @ (helmet_speed - speed - np.cross(spin, away))
+    assert carried == pytest.approx(state.shift_rate + np.cross(state.turn_rate, shell) + rate)
+    assert data.qvel[world.parts.layout.qvel] == pytest.approx(state.joint_velocities)
+
+
 def test_a_faster_strike_is_harder():
     worst = fallen()[2].worst
     setup = worst.setup()
@@ -273,8 +319,9 @@ def test_a_car_brakes_until_it_stands():
     assert np.linalg.norm(start.velocity[car], axis=1) == pytest.approx(10.0)
     assert np.linalg.norm(later.velocity[car], axis=1) == pytest.approx(5.0)
     assert np.linalg.norm(end.velocity[car], axis=1) == pytest.approx(0.0, abs=1e-12)
-    way = np.linalg.norm((end.position - start.position)[car], axis=1)
-    assert way == pytest.approx(10.0**2 / (2 * 5.0))
+    for then, expected in ((later, 10.0 * 1.0 - 0.5 * 5.0 * 1.0**2), (end, 10.0**2 / (2 * 5.0))):
+        way = np.linalg.norm((then.position - start.position)[car], axis=1)
+        assert way == pytest.approx(expected)
 
 
 def test_a_car_that_comes_faster_throws_further():

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import csv
+import re
+from dataclasses import replace
 
 import pytest
 import yaml
@@ -11,6 +13,8 @@ from click.testing import CliRunner
 from helmet_sim_ros import Fall, head_strikes, simulate
 from helmet_sim_ros.cli import main
 from helmet_sim_ros.errors import SetupError
+from helmet_sim_ros.model.fall.strikes import Location
+from helmet_sim_ros.report.falls.map import strike_map
 from helmet_sim_ros.report.falls.page import falls_page
 from helmet_sim_ros.report.falls.tables import (
     SLOWEST,
@@ -106,6 +110,21 @@ def test_a_summary_counts_falls_without_contact_and_leaves_failed_ones_out():
     assert zone_of(170.0, 10.0) == "back" and zone_of(0.0, 80.0) == "top"
 
 
+def test_a_summary_tells_mean_deviation_and_percentiles_of_each_group():
+    columns = {
+        "status": ["ok"] * 5, "strikes": [1.0] * 5, "fall.scene": ["road"] * 3 + ["car"] * 2,
+        "peak_angular_acceleration": [1000.0, 2000.0, 6000.0, 4000.0, 4000.0],
+    }  # fmt: skip
+    road, car = summarise(columns, ["fall.scene"])
+    assert [(s.group, s.falls, s.struck) for s in (road, car)] == [("road", 3, 3), ("car", 2, 2)]
+    (spread,), (same,) = road.measures, car.measures
+    assert (spread.name, spread.unit) == ("peak_angular_acceleration", "krad/s^2")
+    assert (spread.mean, spread.median) == pytest.approx((3.0, 2.0))
+    assert spread.deviation == pytest.approx(7.0**0.5)  # of a sample: over n - 1
+    assert (spread.low, spread.high) == pytest.approx((1.1, 5.6))
+    assert (same.mean, same.deviation, same.low, same.high) == pytest.approx((4.0, 0.0, 4.0, 4.0))
+
+
 @pytest.mark.parametrize("name", ["falls_motorcycle"])
 def test_a_scenario_of_falls_is_made_of_falls(name):
     scenario = load_scenario(name, duration=0.5)
@@ -149,6 +168,27 @@ def test_the_page_shows_strikes_and_falls_without(result):
     page = falls_page([result, empty])
     assert page.count('<td class="number"><a href="#strike-') == len(result.strikes)
     assert "No head contact: &lt;b&gt;upright" in page and "<b>upright" not in page
+
+
+def test_a_strike_is_drawn_where_the_map_says_that_it_is(result):
+    strike = result.strikes[0]
+    places = {"front": (0.0, 45.0), "left": (90.0, 0.0), "right": (-90.0, -45.0)}
+    strikes = [
+        (f"#{name}", replace(strike, location=Location(*place, name)))
+        for name, place in places.items()
+    ]
+    text = strike_map(strikes)
+    columns = {name: float(x) for x, name in re.findall(
+        r'<text x="([\d.]+)" y="[\d.]+" text-anchor="middle">(\w+)<', text)}  # fmt: skip
+    rows = {name: float(y) - 4.0 for y, name in re.findall(
+        r'y="([\d.]+)" text-anchor="end">([-\d]+)°<', text)}  # fmt: skip
+    dots = re.findall(r'<circle class="mark" cx="([\d.]+)" cy="([\d.]+)"', text)
+    for (x, y), (name, (_, elevation)) in zip(dots, places.items(), strict=True):
+        assert float(x) == pytest.approx(columns[name], abs=0.06)
+        assert float(y) == pytest.approx(rows[f"{elevation:.0f}"], abs=0.06)
+    assert columns["left"] < columns["front"] < columns["right"]  # as seen from behind
+    assert rows["45"] < rows["0"] < rows["-45"]
+    assert f"#left: {strike.struck}, {strike.normal_velocity:.1f} m/s" in text
 
 
 def test_the_verb_shows_a_fall_and_writes_its_strikes(tmp_path):

@@ -152,6 +152,27 @@ def test_german_tables_are_read(tmp_path: Path) -> None:
     assert curve.stress == pytest.approx([eps(e) for e in STRAIN], rel=1e-3, abs=1.0)
 
 
+@pytest.mark.parametrize(
+    ("unit", "pascals"),
+    [("Pa", 1.0), ("kPa", 1e3), ("MPa", 1e6), ("N/mm2", 1e6), ("N/mm^2", 1e6), ("bar", 1e5),
+     ("psi", 6894.757)],
+)  # fmt: skip
+def test_a_stress_is_the_same_in_every_unit(unit: str, pascals: float, tmp_path: Path) -> None:
+    path = laboratory(tmp_path / "t.csv", [(None, 1.0)], unit=unit, scale=1.0 / pascals)
+    (curve,) = read_curves(path)
+    assert curve.stress == pytest.approx([eps(e) for e in STRAIN], rel=1e-5, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("told", "rate"), [("5 1/s", 5.0), ("2,5 s-1", 2.5), ("30 1/min", 0.5), ("0.2 1/ms", 200.0)]
+)
+def test_a_rate_in_a_heading_is_read_in_every_unit(told: str, rate: float, tmp_path: Path) -> None:
+    path = laboratory(tmp_path / "t.csv", [(None, 1.0)])
+    path.write_text(path.read_text().replace("stress", f"stress {told}"))
+    (curve,) = read_curves(path)
+    assert curve.rate == pytest.approx(rate)
+
+
 def test_the_law_is_found_again_and_its_error_told(tmp_path: Path) -> None:
     fit = fit_foam(read_curves(laboratory(tmp_path / "t.csv", [(100.0, 1.0)])), 60.0)
     row = foam_row(60.0, 0.05)

@@ -23,11 +23,13 @@ from helmet_sim_ros.model.force.columns import columns, first_touch
 from helmet_sim_ros.model.helmet import Helmet, load_helmet
 from helmet_sim_ros.model.setup import ImpactSetup
 from helmet_sim_ros.model.simulate import simulate
+from helmet_sim_ros.study.helmets.cells import Cells
 from helmet_sim_ros.study.helmets.importing import (
     ImportPlan,
     import_helmet,
     write_helmet_folder,
 )
+from helmet_sim_ros.study.helmets.mass import mass_properties
 from helmet_sim_ros.study.scenario.matrix import load_scenario
 
 
@@ -218,3 +220,30 @@ def test_thickness_and_shell_of_an_imported_helmet_can_be_varied(whole: Pair) ->
     for axis in np.eye(3):
         one, other = (c.thickness[(c.normal @ axis).argmax()] for c in (ours, theirs))
         assert one == pytest.approx(other, rel=0.01)
+
+
+def test_half_a_sphere_has_the_mass_centre_and_inertia_of_its_closed_form() -> None:
+    """Shell and liner as two thin shells, each in the middle of its layer."""
+    radius, depth, thickness, density, areal, n = 0.14, 0.004, 0.030, 60.0, 4.0, 20_000
+    height = (np.arange(n) + 0.5) / n
+    turn = np.pi * (3.0 - 5.0**0.5) * np.arange(n)
+    across = np.sqrt(1.0 - height**2)
+    normal = np.column_stack([across * np.cos(turn), across * np.sin(turn), height])
+    area = np.full(n, 2.0 * np.pi * radius**2 / n)
+    cells = Cells(radius * normal, normal, area, np.arange(n))
+    full = np.ones(n)
+    found = mass_properties(cells, depth * full, thickness * full, density * full, areal)
+    outer, inner = radius - depth, radius - depth - thickness
+    masses = areal * 2.0 * np.pi * radius**2, density * 2.0 / 3.0 * np.pi * (outer**3 - inner**3)
+    assert (found.shell, found.liner) == pytest.approx(masses, rel=1e-9)
+    middles = radius - 0.5 * depth, outer - 0.5 * thickness
+    whole = sum(masses)
+    up = sum(m * 0.5 * r for m, r in zip(masses, middles, strict=True)) / whole
+    assert found.center == pytest.approx([0.0, 0.0, up], abs=1e-5)
+    about_the_base = sum(2.0 / 3.0 * m * r**2 for m, r in zip(masses, middles, strict=True))
+    across_z = about_the_base - whole * up**2
+    assert found.inertia == pytest.approx([across_z, across_z, about_the_base], rel=1e-3)
+    heavier = found.scaled(2.0 * whole)
+    assert heavier.shell + heavier.liner == pytest.approx(2.0 * whole)
+    assert heavier.inertia == pytest.approx(2.0 * found.inertia)
+    assert (heavier.center == found.center).all()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from dataclasses import replace
 from itertools import pairwise
@@ -14,6 +15,7 @@ from hypothesis import strategies as st
 from helmet_sim_ros.biomech.record import block_labels, from_block, same_samples
 from helmet_sim_ros.errors import IncompleteError, PulseError
 from helmet_sim_ros.mcap_log.blocks import Assembler, Block, parse_block
+from helmet_sim_ros.mcap_log.digest import setup_digest
 
 LABELS = tuple(block_labels(("knee",)))
 DATA = np.random.default_rng(1).normal(size=(40, len(LABELS)))
@@ -105,10 +107,11 @@ def test_samples_that_are_not_uniform_in_time_are_refused() -> None:
 
 def test_channels_must_stay_the_same() -> None:
     first, second, *_ = blocks()
-    assembler = Assembler()
-    assembler.feed(first)
-    (impact,) = assembler.feed(replace(second, total=41))
-    assert "changed on the way" in impact.problem
+    for change in ({"total": 41}, {"labels": LABELS[::-1]}, {"uniform": False}):
+        assembler = Assembler()
+        assembler.feed(first)
+        (impact,) = assembler.feed(replace(second, **change))
+        assert "changed on the way" in impact.problem
 
 
 @pytest.mark.parametrize(
@@ -215,3 +218,12 @@ def test_notes_and_crush_map_arrive_with_the_last_block() -> None:
     assert extras["notes"] == ["hand first"]
     assert np.array_equal(extras["crush"], crush)
     assert np.array_equal(extras["column_position"], place)
+
+
+def test_the_digest_of_a_setup_is_that_of_its_canonical_json() -> None:
+    text = r'{"a":"\u00e4","b":[0.1,1e-05,true,null]}'
+    setup = {"b": [0.1, 1e-5, True, None], "a": "ä"}
+    expected = hashlib.sha256(text.encode()).hexdigest()
+    assert setup_digest(setup) == setup_digest(dict(reversed(setup.items()))) == expected
+    with pytest.raises(ValueError, match="JSON"):
+        setup_digest({"a": float("nan")})

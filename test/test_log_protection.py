@@ -122,6 +122,7 @@ def test_checksums_that_were_wiped_out_are_told(path: Path, tmp_path: Path) -> N
         _ = log.attachments
     with pytest.raises(LogError, match="checksum"):
         _ = log[0].record
+    assert "checksum" in log[0].model_problem  # neither of its two copies can be read
     bad = bytearray(data)
     bad[-12:-8] = bytes(4)
     file.write_bytes(bad)

@@ -212,3 +212,19 @@ def test_the_thinnest_shape_limits_the_depth() -> None:
     inside = np.linspace(-0.099, 0.0, 4000)
     deepest = -min(signed_distance(wedge.compiled(), 0, 0.0, 0.0, z)[0] for z in inside)
     assert wedge.half_thickness == pytest.approx(deepest, abs=2e-5)
+
+
+def test_a_shape_is_at_rest_unless_it_moves_and_does_not_brake_unless_it_is_told() -> None:
+    ground = {"kind": "half_space"}
+    still = surface(ground)
+    assert not still.is_carried
+    assert still.moving(None, 3.0).position == pytest.approx(np.zeros((1, 3)), abs=0.0)
+    ball = {"kind": "sphere", "radius": 0.5, "position": [0.0, 0.0, -1.0]}
+    going = surface(ground, ball | {"velocity": [2.0, -1.0, 0.0]})
+    assert going.is_carried
+    later = going.moving(None, 3.0)
+    assert later.position == pytest.approx(np.array([[0.0, 0.0, 0.0], [6.0, -3.0, -1.0]]))
+    assert later.velocity == pytest.approx(np.array([[0.0, 0.0, 0.0], [2.0, -1.0, 0.0]]))
+    slowing = surface(ground, ball | {"velocity": [2.0, 0.0, 0.0], "braking": 0.5})
+    assert slowing.moving(None, 2.0).position[1, 0] == pytest.approx(2.0 * 2.0 - 0.5 * 0.5 * 2.0**2)
+    assert "from 0 to 1000" in refused(ground, ball | {"braking": -0.1})

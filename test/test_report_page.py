@@ -23,9 +23,10 @@ from helmet_sim_ros.biomech.pulse import magnitude
 from helmet_sim_ros.cli import main
 from helmet_sim_ros.report.page.blocks import LEVELS, packed, unpacked
 from helmet_sim_ros.report.page.comparison import log_names
+from helmet_sim_ros.report.page.crush import color, crush_map
 from helmet_sim_ros.report.page.page import report_page
 from helmet_sim_ros.report.page.quantity import number, pretty, quantity
-from helmet_sim_ros.report.page.svg import ticks
+from helmet_sim_ros.report.page.svg import Curve, panel, ticks
 from helmet_sim_ros.study import load_reference, load_scenario
 
 BROWSERS = map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))
@@ -90,6 +91,14 @@ def test_the_table_has_the_papers_columns_and_our_numbers(six):
         assert {f"{v:.2f}" for v in published["force_ratio"].values()} <= set(page.texts)
         assert impact.model_hash in " ".join(page.texts)
     assert {"MB", "FE", "THUMS"} <= set(page.texts)
+
+
+def test_a_bar_shows_the_share_of_the_limit_that_is_used(six):
+    path, file = six
+    bars = re.findall(r'class="bar"><span style="width: (\d+)%"', file.read_text(encoding="utf-8"))
+    used = [impact.logged.criteria[n].value / limit for impact in open_log(path)
+            for n, limit in (("peak_g", 275.0), ("hic", 2400.0))]  # fmt: skip
+    assert [int(bar) for bar in bars] == [round(100.0 * min(1.0, share)) for share in used]
 
 
 def test_histories_peaks_and_window_are_those_of_the_log(six):
@@ -232,12 +241,63 @@ def test_the_same_blow_in_several_logs_is_laid_over_itself(six, tmp_path):
             assert arrays[f"a{i}"].max() == pytest.approx(impact.logged.peak_g.value, rel=1e-3)
         change = 100.0 * (second.logged.hic.value / first.logged.hic.value - 1.0)
         assert f"{change:+.1f} %".replace("-", "−") in part
+    links = re.findall(r'<a href="#impact-(\d+)">(table1|softer)</a>', part)
+    assert links == [("5", "table1"), ("7", "softer"), ("6", "table1"), ("8", "softer")]
+    numbers = re.findall(r'id="impact-(\d+)".*?of (table1|softer)\.mcap', html, re.S)
+    assert [n for n in numbers if n in links] == sorted(links)
+
+
+def test_a_blow_against_itself_shows_no_change(six):
+    path, _ = six
+    html = report_page([open_log(path), open_log(path)])
+    cells = re.findall(r'<td class="change">(.*?)</td>', html)
+    assert cells and set(cells) <= {"=", ""}
+
+
+def test_a_curve_stands_at_the_ticks_of_its_values():
+    x, y = np.array([0.0, 10.0, 20.0, 30.0]), np.array([0.0, -2.0, 4.0, 6.0])
+    text = panel("loop", "d [mm]", "F [kN]", [Curve(x, y, label="measured")])
+    columns, rows = {}, {}
+    for place, value in re.findall(
+        r'<text x="([\d.]+)" y="\d+" text-anchor="middle">(-?[\d.]+)<', text
+    ):
+        columns[float(value)] = float(place)
+    for place, value in re.findall(r'y="([\d.]+)" text-anchor="end">(-?[\d.]+)<', text):
+        rows[float(value)] = float(place) - 4.0
+    assert {0.0, 10.0, 20.0, 30.0} <= set(columns) and {-2.0, 0.0, 2.0, 4.0, 6.0} <= set(rows)
+    steps = [columns[value] - columns[value - 10.0] for value in (10.0, 20.0, 30.0)]
+    assert steps == pytest.approx([steps[0]] * 3, abs=0.11) and steps[0] > 50.0
+    assert rows[-2.0] - rows[6.0] > 100.0  # upwards
+    (points,) = re.findall(r'<polyline class="curve" points="(.*?)"', text)
+    drawn = [tuple(map(float, point.split(","))) for point in points.split()]
+    assert drawn == [(pytest.approx(columns[a], abs=0.11), pytest.approx(rows[b], abs=0.11))
+                     for a, b in zip(x, y, strict=True)]  # fmt: skip
+    _, _, width, height = map(float, re.search(r'viewBox="(.*?)"', text)[1].split())
+    assert all(0.0 < a < width and 0.0 < b < height for a, b in drawn)
+    assert "F [kN] over d [mm]" in text and ">measured<" in text
 
 
 def test_logs_of_one_name_are_told_apart(tmp_path):
     paths = [tmp_path / "a" / "x.mcap", tmp_path / "b" / "x.mcap"]
     assert log_names(paths) == ["a/x", "b/x"]
     assert log_names([paths[0], paths[0]]) == ["a/x (1)", "a/x (2)"]
+
+
+def test_a_map_of_crush_has_the_crown_in_the_middle_and_the_left_side_left():
+    """Front up, as far from the middle as the angle from the crown; the darkest is the worst."""
+    place = np.array([[0, 0, 1], [1, 0, 0], [0, 1, 0], [0, 2, 2], [-1, 0, 0], [0, 0, -1]], float)
+    crush = np.array([4.0, 2.0, 1.0, 3.0, 0.0, 4.0]) * 1e-3
+    found = crush_map(crush, 0.1 * place)
+    assert found["title"].endswith("at most 4\u00a0mm")
+    dots = re.findall(r'<circle cx="(\d+)" cy="(\d+)" r="[\d.]+" fill="(.*?)"', found["svg"])
+    (cx, cy, worst), (fx, fy, half), (lx, ly, _), (sx, sy, _) = [
+        (float(x), float(y), fill) for x, y, fill in dots
+    ]
+    assert len(dots) == 4  # neither what is not crushed nor what is below
+    assert (fx, sy, ly) == (cx, cy, cy) and fy < cy and lx < sx < cx
+    assert (cx - lx, 2 * (cx - sx)) == pytest.approx((cy - fy, cy - fy), abs=2.0)
+    assert (worst, half) == (color(1.0), color(0.5))
+    assert crush_map(crush[:5], place) is None
 
 
 @pytest.mark.parametrize(

@@ -23,6 +23,7 @@ from helmet_sim_ros.mcap_log.blocks import Assembled
 from helmet_sim_ros.nodes import samples
 from helmet_sim_ros.nodes.diagnostics import from_evaluation, from_problem
 from helmet_sim_ros.report.review.check import evaluation_differences, review
+from helmet_sim_ros.report.review.summary import common, label, labels, varying
 
 SETUPS = [
     ImpactSetup(duration=0.015, normal_velocity=5.0, tangential_velocity=5.0),
@@ -147,6 +148,64 @@ def test_differences_name_value_window_limit_and_verdict():
         ("evaluation", "verdict"),
     }  # fmt: skip
     assert not list(evaluation_differences(good, evaluate(record)))
+
+
+def test_what_another_processor_rounds_otherwise_is_no_difference():
+    _, record = simulated(SETUPS[0])
+    good = evaluate(record)
+    for change, found in ((0.95e-9, []), (1.05e-9, ["peak_g"])):
+        data = good.as_dict()
+        data["criteria"]["peak_g"]["value"] *= 1.0 + change
+        rounded = type(good).from_dict(data)
+        assert [d.criterion for d in evaluation_differences(rounded, good)] == found
+
+
+@pytest.mark.parametrize(
+    ("setup", "words"),
+    [
+        ({"impact.direction": "left", "impact.normal_velocity": 5.0}, "left, 5 m/s"),
+        ({"impact.direction": "left", "impact.normal_velocity": 5.0,
+          "impact.tangential_velocity": 10.0}, "left, 5 m/s, 10 m/s along the ground"),
+        ({"impact.direction": "top", "impact.normal_velocity": 5.5, "impact.surface": "kerb",
+          "impact.tangential_velocity": 0.5}, "top, 5.5 m/s, 0.5 m/s along the surface"),
+        ({"impact.direction": "top", "impact.normal_velocity": 5,
+          "impact.tangential_velocity": 0.0}, "top, 5 m/s"),
+        ({"fall.preset": "motorcycle", "fall.speed": 10.0, "fall.scene": "road"},
+         "motorcycle, 10 m/s, road"),
+        ({}, "impact"),
+    ],
+)  # fmt: skip
+def test_an_impact_is_called_by_direction_and_speeds(setup, words):
+    assert label(setup) == words
+
+
+def test_impacts_are_told_apart_by_up_to_four_values_that_differ():
+    one = {"impact.direction": "left", "impact.normal_velocity": 5.0, "helmet.mass": 1.25,
+           "helmet.description": "mine", "rider.mass": 70.0, "impact.friction": 0.4,
+           "rider.height": 1.7, "sim.duration": 0.03}  # fmt: skip
+    two = one | {"helmet.mass": 1.5, "rider.mass": 80.0, "impact.friction": 0.5,
+                 "helmet.description": "yours"}  # fmt: skip
+    three = two | {"rider.height": 1.8, "sim.duration": 0.04}
+    assert labels([one, two]) == [
+        "left, 5 m/s; helmet mass 1.25; rider mass 70; friction 0.4",
+        "left, 5 m/s; helmet mass 1.5; rider mass 80; friction 0.5",
+    ]
+    assert labels([one, three], speeds=False)[1] == (
+        "left; helmet mass 1.5; rider mass 80; friction 0.5; height 1.8"
+    )
+    assert labels([one, dict(one)]) == ["left, 5 m/s"] * 2
+
+
+def test_impacts_share_what_does_not_vary():
+    one = {"impact.direction": "left", "helmet.name": "a", "impact.friction": 0.4,
+           "impact.state": [1.0]}  # fmt: skip
+    two = one | {"helmet.name": "b", "impact.state": [2.0]}
+    three = one | {"impact.friction": 0.5}
+    assert varying([one, two, three]) == ["helmet.name", "impact.friction"]
+    assert varying([one, dict(one)]) == [] == varying([one])
+    assert common([one, two]) == {"impact.direction": "left", "impact.friction": 0.4}
+    assert common([one, dict(one)]) == one
+    assert common([]) == {}
 
 
 def test_a_bad_log_does_not_keep_the_others_from_being_shown(path, tmp_path):

@@ -266,6 +266,22 @@ def test_a_metadata_record_that_lies_is_found_out(path, tmp_path):
         _ = log[0].record
 
 
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("start_time", "-1.0"), ("start_time", "2147483648.0"), ("start_time", "nan"),
+     ("samples", "-1"), ("samples", "100000001")],
+)  # fmt: skip
+def test_a_start_or_a_length_that_no_impact_has_is_damage(path, tmp_path, name, value):
+    def change(kind, record):
+        if kind == "Metadata" and record.name != "run":
+            record.metadata = sealed(record.name, record.metadata | {name: value})
+        return record
+
+    _rewrite(path, tmp_path / "odd.mcap", change)
+    with pytest.raises(LogError, match=r"damaged.*out of range"):
+        open_log(tmp_path / "odd.mcap")
+
+
 def test_random_damage_never_raises_anything_else(path, tmp_path):
     """Whatever byte flips: a LogError, or the true samples."""
     truth = {i.impact_id: i.record for i in open_log(path)}

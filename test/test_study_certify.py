@@ -205,6 +205,22 @@ def test_a_protocol_becomes_a_scenario_with_the_same_impacts(tmp_path: Path) -> 
     assert "4 later hits" in yaml.safe_load(path.read_text())["description"]
 
 
+def test_a_protocol_without_limits_judges_nothing(small: Path) -> None:
+    told: list[tuple[int, int, int]] = []
+    bare = changed(small, "    standard: fmvss_218\n", "")
+    found = certify("fullface", bare, workers=1, progress=lambda *n: told.append(n))
+    assert [(row.verdict, row.margin, row.closest) for row in found.rows] == 2 * [
+        ("info", None, None)
+    ]
+    assert (found.verdict, found.worst, found.worst_margin, found.failed) == (
+        "info",
+        None,
+        None,
+        (),
+    )
+    assert told == [(2, 2, 0)]
+
+
 def test_exit_code_0_passes_1_fails_2_is_bad_input(small: Path) -> None:
     def run(*options: str) -> int:
         return CliRunner().invoke(main, ["certify", *options]).exit_code

@@ -80,3 +80,9 @@ def test_a_sample_that_drifts_has_not_converged():
 
 def test_too_few_draws_give_no_estimate():
     assert estimates(table([1.0, 2.0, 3.0]), WANTED) == []
+
+
+@pytest.mark.parametrize(("draws", "estimated"), [(7, 0), (8, 2)])
+def test_an_estimate_is_formed_of_eight_draws_at_least(draws, estimated):
+    riders = np.repeat(np.arange(draws), 3)  # three impacts of a rider are one draw
+    assert len(estimates(table(np.arange(3.0 * draws), riders), WANTED)) == estimated

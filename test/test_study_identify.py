@@ -1,6 +1,7 @@
 """Drop tests, identification of the coupling spring, and its command line."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -185,6 +186,21 @@ def table(tmp_path: Path, *changes: tuple[str, str]) -> Path:
     return path
 
 
+def test_all_sides_are_drawn_to_one_scale_in_millimetres_and_kilonewtons() -> None:
+    pytest.importorskip("matplotlib", reason="figures need the extra 'report'")
+    from helmet_sim_ros.report.figures.drops import identification_figure, loops_figure
+
+    share = np.linspace(0.0, 1.0, 5)
+    loops = [(side, 5.0, 0.01 * k * share, 1e3 * k * share) for k, side in enumerate(LAWS, 1)]
+    identified = identification_figure(identify(synthetic(), base()), loops)
+    for figure in (loops_figure({"mine": loops}), identified):
+        assert len(figure.axes) == 4
+        assert len({(*ax.get_xlim(), *ax.get_ylim()) for ax in figure.axes}) == 1
+        for ax, (_, _, compression, force) in zip(figure.axes, loops, strict=True):
+            drawn = ax.lines[0].get_xydata()
+            assert drawn == pytest.approx(np.column_stack([1e3 * compression, 1e-3 * force]))
+
+
 def test_too_few_speeds_of_a_side_are_refused() -> None:
     with pytest.raises(SetupError, match=r"top = '2 speeds': needs drop tests at 3 or more"):
         identify([t for t in synthetic() if t.direction != "top" or t.normal_velocity > 6], base())
@@ -197,6 +213,15 @@ def test_peaks_that_do_not_grow_with_the_speed_are_refused_with_their_row(tmp_pa
     path.write_text("\n".join(lines))
     with pytest.raises(SetupError, match=r"back at 7\.5 m/s.*must exceed.*row 8"):
         identify(read_drop_table(path), base())
+
+
+@pytest.mark.parametrize("peak", ["peak_force", "peak_compression"])
+def test_a_faster_drop_with_the_same_peak_is_refused(peak: str) -> None:
+    tests = synthetic()
+    slow, fast = (i for i, t in enumerate(tests) if t.direction == "top" and t.normal_velocity > 6)
+    tests[fast] = replace(tests[fast], **{peak: getattr(tests[slow], peak)})
+    with pytest.raises(SetupError, match=r"top at 10 m/s.*must exceed the peaks at 7\.5 m/s"):
+        identify(tests, base())
 
 
 @pytest.mark.parametrize(

@@ -118,6 +118,14 @@ def test_a_thicker_liner_leaves_the_head_its_room():
     assert after.semi_axes[2] == before.semi_axes[2]
 
 
+def test_the_inertia_of_a_design_grows_with_its_mass_and_the_square_of_its_size():
+    thick = make_design(HELMET, {"liner.thickness": 0.050}, RULES).helmet
+    size = np.mean(thick.shell.semi_axes) / np.mean(HELMET.shell.semi_axes)
+    assert size > 1.01 and thick.mass > HELMET.mass
+    expected = np.array(HELMET.inertia) * thick.mass / HELMET.mass * size**2
+    assert thick.inertia == pytest.approx(tuple(expected), rel=1e-9)
+
+
 def test_what_follows_from_the_design_cannot_be_varied():
     with pytest.raises(SetupError, match="follows from"):
         make_design(HELMET, {"mass": 1.0}, RULES)
@@ -171,6 +179,25 @@ def test_best_designs_are_spread_along_a_long_front(plan):
 
     trials = [Trial(i, {}, {"helmet_mass": 1.0 + i, "worst peak_g": 300.0 - i}) for i in range(101)]
     assert [trial.number for trial in best(plan(best=5), trials)] == [0, 25, 50, 75, 100]
+
+
+def test_worst_mean_and_percentile_are_those_of_the_criterion_over_all_impacts(plan):
+    expected = {"worst hic": 900.0, "mean hic": 420.0, "p25 hic": 200.0, "p50 hic": 300.0,
+                "p62.5 hic": 450.0}  # fmt: skip
+    mine = plan(objectives=[{"minimise": name} for name in expected], constraints=[])
+    values = {"hic": [100.0, 900.0, 300.0, 600.0, 200.0]}
+    design = mine.design({})
+    found = {name: response.value(design, values) for name, response in mine.responses.items()}
+    assert found == pytest.approx(expected)
+
+
+def test_a_limit_is_missed_by_its_share_of_the_bound():
+    from helmet_sim_ros.study.optimisation.plan import Constraint
+
+    both = Constraint(of="liner_mass", at_least=0.2, at_most=0.4)
+    for mass, excess in ((0.5, 0.25), (0.4, 0.0), (0.3, -0.25), (0.2, 0.0), (0.1, 0.5)):
+        assert both.excess(mass) == pytest.approx(excess, abs=1e-12)
+    assert Constraint(of="liner_mass", at_least=0.2).excess(9.0) < 0.0
 
 
 def test_a_design_written_as_helmet_gives_the_same_criteria_bit_for_bit(plan, tmp_path):

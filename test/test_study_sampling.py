@@ -88,6 +88,7 @@ def test_a_distribution_that_is_none_is_refused(given, message):
     ("name", "given", "message"),
     [
         ("impact.friction", {"uniform": [-0.1, 0.4]}, "from 0 to 2"),
+        ("impact.friction", {"uniform": [0.4, 2.1]}, "from 0 to 2"),
         ("impact.normal_velocity", {"uniform": [0.0, 5.0]}, "above 0"),
         ("impact.direction", {"uniform": [0.0, 5.0]}, "one of front"),
         ("impact.friction", {"normal": [9.0, 0.1]}, "hardly any"),

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from helmet_sim_ros.model.impact import Impact
 from helmet_sim_ros.report.validation.document import write_validation
 from helmet_sim_ros.study.validation.case import against_published, errors
 from helmet_sim_ros.study.validation.validate import VARIATIONS, Validation, validate
@@ -13,6 +14,10 @@ from helmet_sim_ros.study.validation.validate import VARIATIONS, Validation, val
 @pytest.fixture(scope="module")
 def result() -> Validation:
     return validate()
+
+
+def test_errors_are_the_mean_and_the_largest_in_percent() -> None:
+    assert errors([110.0, 40.0, 30.0], [100.0, 50.0, 30.0]) == pytest.approx((10.0, 20.0))
 
 
 def test_the_spring_agrees_with_its_foam_better_than_the_papers_did(result: Validation) -> None:
@@ -97,6 +102,9 @@ def test_the_report_holds_the_tables_and_figures(result: Validation, tmp_path: P
         crush = f"{test.peak_compression * 1e3:.1f} / {other.peak_compression * 1e3:.1f}"  # mm
         assert f"| {test.direction} | {test.normal_velocity:g} | {force} | {crush} |" in text
     assert any(10.0 < f.test.peak_compression * 1e3 < 50.0 for _, f in result.drops)
+    head = float(Impact(foam[0].setup).model.body("head").mass[0])
+    own = foam[0].setup.helmet_config.mass + head
+    assert f"head and helmet alone weigh {own:.2f} kg" in text
     figures = sorted(path.name for path in (tmp_path / "figures").iterdir())
     assert figures == ["drop_loops.svg", "drop_peaks.svg", "oblique_histories.svg"]
     for name in figures:

@@ -45,8 +45,8 @@ def varying(setups: Sequence[Setup]) -> list[str]:
 
 def common(setups: Sequence[Setup]) -> dict[str, object]:
     """The values that all setups share."""
-    different = set(varying(setups))
-    return {k: v for k, v in setups[0].items() if k not in different} if setups else {}
+    first = setups[0] if setups else {}
+    return {k: v for k, v in first.items() if all(s.get(k) == v for s in setups)}
 
 
 def labels(setups: Sequence[Setup], speeds: bool = True) -> list[str]:
