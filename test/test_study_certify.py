@@ -16,6 +16,7 @@ from helmet_sim_ros import ImpactSetup, certify, evaluate, simulate
 from helmet_sim_ros.cli import main
 from helmet_sim_ros.errors import SetupError
 from helmet_sim_ros.model.force.columns import columns, first_touch
+from helmet_sim_ros.model.headform import load_headform
 from helmet_sim_ros.model.helmet import load_helmet
 from helmet_sim_ros.resources import share_directory
 from helmet_sim_ros.study import load_protocol, load_scenario
@@ -281,6 +282,40 @@ def test_a_helmet_is_made_anew_around_every_headform_of_a_protocol() -> None:
     alone = make_campaign("fullface", "ece_r22_05", protocol).hits
     assert [hit.setup for hit in campaign.hits if hit.size == "en960_j"] == [h.setup for h in alone]
     assert any("en960_a: the helmet, made for en960_j, was made anew" in n for n in campaign.notes)
+
+
+@pytest.mark.parametrize("name", PROTOCOLS)
+def test_every_size_of_a_protocol_is_struck_in_a_helmet_made_for_it(name: str) -> None:
+    protocol = load_protocol(name)
+    if not protocol.sizes:  # one headform in the document itself
+        assert name == "virginia_tech_star"
+        return
+    assert protocol.sizes_source and protocol.headform in protocol.sizes
+    helmet = "bicycle" if name in ("en_1078", "cpsc_1203") else "fullface"
+    campaign = make_campaign(helmet, name, protocol, None, ["all"])
+    assert list(dict.fromkeys(hit.size for hit in campaign.hits)) == list(protocol.sizes)
+    forms = {hit.size: hit.setup.headform for hit in campaign.hits}
+    around = [form.circumference.value for form in forms.values()]  # type: ignore[union-attr]
+    assert around == sorted(around) and len(set(around)) == len(around)
+
+
+@pytest.mark.parametrize(
+    ("name", "masses"),
+    [
+        ("sharp", [3.1, 4.1, 4.7, 5.6, 6.1]),
+        ("cpsc_1203", [5.0] * 5),
+        ("fmvss_218", [3.5, 5.0, 6.1]),
+        ("snell_m2020", [3.1, 3.6, 4.1, 4.7, 5.6, 6.1]),
+    ],
+)
+def test_the_sizes_of_a_protocol_have_its_masses(name: str, masses: list[float]) -> None:
+    assert [load_headform(size).mass.value for size in load_protocol(name).sizes] == masses
+
+
+def test_a_bicycle_helmet_too_small_for_the_large_headform_is_refused_by_name() -> None:
+    protocol = load_protocol("cpsc_1203").model_copy(update={"headform": "cpsc_o"})
+    with pytest.raises(SetupError, match=r"cpsc_o.*bicycle.*too small"):
+        make_campaign("bicycle", "cpsc_1203", protocol)
 
 
 def test_a_campaign_over_sizes_judges_each(small: Path, tmp_path: Path) -> None:

@@ -86,6 +86,8 @@ class Protocol(Config):
     sizes: tuple[str, ...] = Field(
         (), description="all headforms of the document, each for a helmet of its size"
     )
+    sizes_source: str = Field("", description="document that states them, or what cites it")
+    sizes_verified: bool = Field(False, description="whether the primary text was read")
     points: dict[str, Point] = Field(description="by name")
     tests: tuple[Test, ...] = Field(description="in order")
     rating: str = Field("", description="how a rating follows, or why none is given")
