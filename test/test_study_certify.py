@@ -367,6 +367,13 @@ def test_the_chin_bar_is_struck_where_a_helmet_has_one() -> None:
     assert len(open_.hits) == 12 and not any("chin bar" in n and "no" in n for n in open_.notes)
 
 
+def test_the_ellipsoid_of_a_helmet_with_a_chin_bar_is_that_of_its_skull() -> None:
+    """It is made of the shell of ``fullface``, whose ellipsoid its padding must have."""
+    shell, own = load_helmet("fullface").shell, load_helmet("fullface_chin").shell
+    assert np.allclose(own.semi_axes, shell.semi_axes, atol=1e-3)
+    assert np.allclose(own.center, shell.center, atol=1e-3)
+
+
 def test_a_protocol_for_the_chin_bar_alone_refuses_a_helmet_without_one(small: Path) -> None:
     changed(small, "source: test}", "source: test, chin: true}")
     with pytest.raises(SetupError, match=r"fullface.*has no chin bar"):

@@ -96,8 +96,8 @@ def test_the_report_holds_the_tables_and_figures(result: Validation, tmp_path: P
     foam = [f for _, f in result.table]
     assert f"**{against_published(foam, 'FE', 'peak_g')[0]:.1f} %" in text
     assert text.count("\n| vn7.5 vt10 |") >= 2 and "calibrated" in text
-    for spring, foam in result.drops:
-        test, other = spring.test, foam.test
+    for spring, dropped in result.drops:
+        test, other = spring.test, dropped.test
         force = f"{test.peak_force / 1e3:.2f} / {other.peak_force / 1e3:.2f}"  # kN
         crush = f"{test.peak_compression * 1e3:.1f} / {other.peak_compression * 1e3:.1f}"  # mm
         assert f"| {test.direction} | {test.normal_velocity:g} | {force} | {crush} |" in text

@@ -50,12 +50,23 @@ from helmet_sim_ros.model.force.liner import (
     is_flat,
     part_below,
 )
-from helmet_sim_ros.model.force.vector import Vec, across, add, cross, dot, row, scaled, sub, turned
+from helmet_sim_ros.model.force.vector import (
+    Vec,
+    across,
+    add,
+    cross,
+    dot,
+    norm,
+    row,
+    scaled,
+    sub,
+    turned,
+)
 from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.surface.compiled import COLUMNS as SIZES
 from helmet_sim_ros.model.surface.compiled import HALF_SPACE, Surface, at_rest
 from helmet_sim_ros.model.surface.deepest import deepest_point
-from helmet_sim_ros.model.surface.shapes import signed_distance, tangent
+from helmet_sim_ros.model.surface.shapes import nearest, signed_distance, tangent
 
 REACH = 0.1  # m, half width of the grid: what a helmet crushed by 40 mm touches
 ABOVE = 0.05  # m over the tangent plane, from where the surface is looked for
@@ -75,11 +86,14 @@ DAMPING = 0.2  # of the fastest bending mode; the foam damps all slow ones
 
 #: What is kept of each column: cell of the grid that it is over, and its place there from 0 to 1;
 #: height over the tangent plane [m], cosine of its normal to the plane's, rate of the height [m/s],
-#: and the force that it has now [N].
-CELL_U, CELL_V, ACROSS, ALONG, HEIGHT, COSINE, RATE, PUSHED = range(8)
+#: the force that it has now [N], and whether it has met the plate from above.
+CELL_U, CELL_V, ACROSS, ALONG, HEIGHT, COSINE, RATE, PUSHED, MET = range(9)
 #: How much closer than by its own rate a column may come to the plate between two calls [m/s]: the
 #: plate is no faster than what strikes it.
 FASTEST = 40.0
+#: How much faster than any point of the helmet a node of the plate may be: what has no inertia of
+#: its own follows, and is not flung. Choice.
+FLING = 1.5
 
 
 class Plate(NamedTuple):
@@ -102,7 +116,7 @@ class Plate(NamedTuple):
             working memory.
         bent: moments xx, yy and xy over D with a border of 0, (3, n + 2, n + 2); working memory.
         pressed: force of the foam on each node, (n, n) [N]; working memory.
-        columns: of each column, see ``CELL_U`` to ``PUSHED``; (columns, 8).
+        columns: of each column, see ``CELL_U`` to ``MET``; (columns, 9).
         active: indices of the columns that may touch the plate, their number in the last place.
     """
 
@@ -154,7 +168,7 @@ def plate(helmet: Helmet, liner: CrushingLiner) -> Plate:
     return Plate(
         stiffness if count else 0.0, material.poisson, material.strongest_curvature, lag, longest,
         cell, np.zeros(1, dtype=np.int64), plane, np.zeros(12), height, speed, slow, anvil,
-        friction, lagging, np.zeros((3, n + 2, n + 2)), pressed, np.zeros((count, PUSHED + 1)),
+        friction, lagging, np.zeros((3, n + 2, n + 2)), pressed, np.zeros((count, MET + 1)),
         np.zeros(count + 1, dtype=np.int64),
     )  # fmt: skip
 
@@ -211,21 +225,48 @@ def survey(plate: Plate, surface: Surface, i: int, j: int) -> None:
 
 
 @compiled
-def engage(plate: Plate, liner: CrushingLiner, surface: Surface, motion: Motion) -> bool:
-    """Lay the plate into the tangent plane of the deepest contact; False: there is none yet."""
-    helmet = rigid(motion, liner.helmet)
-    center = world_point(helmet, liner.center)
-    most = 0.0
-    f = plate.frame
+def closest(
+    liner: CrushingLiner, surface: Surface, motion: Motion, least: float, frame: FloatArray
+) -> bool:
+    """Whether the shell's ellipsoid reaches deeper into the surface than ``least`` [m]; where it
+    reaches deepest, the surface's point and normal go to ``frame``."""
+    center = world_point(rigid(motion, liner.helmet), liner.center)
+    found = False
     for k in range(len(surface.kind)):
         depth, (px, py, pz), (nx, ny, nz) = deepest_point(
             surface, k, center, motion.rotation[liner.helmet], liner.semi_axes, liner.direction[k]
         )
-        if depth > most:
-            most = depth
-            f[0], f[1], f[2] = px + depth * nx, py + depth * ny, pz + depth * nz
-            f[9], f[10], f[11] = nx, ny, nz
-    if most <= 0.0:
+        if depth > least:
+            found, least = True, depth
+            frame[0], frame[1], frame[2] = px + depth * nx, py + depth * ny, pz + depth * nz
+            frame[9], frame[10], frame[11] = nx, ny, nz
+    return found
+
+
+@compiled
+def touches(liner: CrushingLiner, surface: Surface, motion: Motion) -> bool:
+    """Whether any listed column reaches into the surface: those of a measured shell may stand out
+    of its ellipsoid."""
+    helmet = rigid(motion, liner.helmet)
+    points, normals, radii = liner.columns.point, liner.columns.normal, liner.columns.radius
+    for n in range(liner.near.listed[-1]):
+        i = liner.near.listed[n]
+        x, y, z = world_point(helmet, row(points, i))
+        _, distance, nx, ny, nz, _ = nearest(surface, x, y, z)
+        cosine = -dot((nx, ny, nz), turned(helmet.rotation, row(normals, i)))
+        reach = radii[i] * max(0.0, 1.0 - cosine * cosine) ** 0.5
+        if cosine > 0.0 and distance < reach:
+            return True
+    return False
+
+
+@compiled
+def engage(plate: Plate, liner: CrushingLiner, surface: Surface, motion: Motion) -> bool:
+    """Lay the plate into the tangent plane of the deepest contact; False: there is none yet."""
+    f = plate.frame
+    if liner.measured and not touches(liner, surface, motion):
+        return False
+    if not closest(liner, surface, motion, -np.inf if liner.measured else 0.0, f):
         return False
     normal = (f[9], f[10], f[11])
     ex, ey, ez = tangent(f[9], f[10], f[11])
@@ -330,8 +371,9 @@ def bend(plate: Plate) -> None:
 
 
 @compiled
-def move(plate: Plate, step: float) -> None:
-    """One step of the plate under the foam's forces in ``plate.pressed``."""
+def move(plate: Plate, step: float, most: float) -> None:
+    """One step of the plate under the foam's forces in ``plate.pressed``; no node is faster than
+    ``most`` [m/s]."""
     z, w, anvil, pressed = plate.height, plate.speed, plate.anvil, plate.pressed
     bend(plate)
     xx, yy, xy, slow = plate.bent[0], plate.bent[1], plate.bent[2], plate.slow
@@ -348,6 +390,7 @@ def move(plate: Plate, step: float) -> None:
             f += 2.0 * (xy[i, j] - xy[i, j + 1] - xy[i + 1, j] + xy[i + 1, j + 1])
             shaking = w[i, j] - slow[i, j]
             speed = w[i, j] - step * (stiff * f + loaded * pressed[i, j] + QUIET * shaking)
+            speed = min(max(speed, -most), most)
             slow[i, j] += gained * (speed - slow[i, j])
             height = z[i, j] + step * speed
             stopped = height < anvil[i, j]
@@ -399,7 +442,11 @@ def press(plate: Plate, liner: CrushingLiner, early: float) -> None:
 @compiled
 def place(plate: Plate, liner: CrushingLiner, helmet: Rigid, step: float) -> None:
     """Where every near column is over the plate, and which may touch it within ``step`` seconds
-    before."""
+    before.
+
+    A column meets the plate from above: one that is found below it and has not come there, as
+    where an anvil has slipped under the rim and what was its back is turned to it, does not touch.
+    """
     points, normals, radii = liner.columns.point, liner.columns.normal, liner.columns.radius
     listed, state, f, z = liner.near.listed, plate.columns, plate.frame, plate.height
     origin, ex, ey, up = row3(f, 0), row3(f, 3), row3(f, 6), row3(f, 9)
@@ -409,14 +456,20 @@ def place(plate: Plate, liner: CrushingLiner, helmet: Rigid, step: float) -> Non
         state[c, PUSHED] = 0.0
         cosine = -dot(up, turned(helmet.rotation, row(normals, c)))
         if cosine <= 0.0:
+            state[c, MET] = 0.0
             continue
         point = world_point(helmet, row(points, c))
         off = sub(point, origin)
         i, j, a, b = on_plate(plate, dot(off, ex), dot(off, ey))
         height, rate = dot(off, up), dot(velocity_at(helmet, point), up)
         highest = max(max(z[i, j], z[i + 1, j]), max(z[i, j + 1], z[i + 1, j + 1]))
-        if height - highest > radii[c] + (abs(rate) + FASTEST) * step:
+        way = radii[c] + (abs(rate) + FASTEST) * step
+        if height - highest > way:
+            state[c, MET] = 1.0
             continue
+        if state[c, MET] == 0.0 and highest - height > way:
+            continue
+        state[c, MET] = 1.0
         state[c, CELL_U], state[c, CELL_V], state[c, ACROSS], state[c, ALONG] = i, j, a, b
         state[c, HEIGHT], state[c, COSINE], state[c, RATE] = height, cosine, rate
         plate.active[count] = c
@@ -456,9 +509,11 @@ def apply(
     if plate.active[-1] > 0:  # else it rests: it has let go of all that bent it
         count = math.ceil(step / plate.longest)
         part = step / count
+        around = norm(helmet.spin) * max(liner.semi_axes)
+        most = FLING * (norm(velocity_at(helmet, helmet.position)) + around)
         for k in range(count):
             press(plate, liner, step - (k + 1) * part)
-            move(plate, part)
+            move(plate, part, most)
         press(plate, liner, 0.0)
     total, moment, friction = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for n in range(listed[-1]):

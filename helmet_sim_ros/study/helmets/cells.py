@@ -120,12 +120,19 @@ def cells_of(surface: Surface, count: int) -> Cells:
     return Cells(point, vector / amount[:, None], amount, cell)
 
 
-def fitted_ellipsoid(surface: Surface) -> tuple[FloatArray, FloatArray]:
-    """Semi-axes and centre of the ellipsoid along the head's axes that lies nearest a surface,
-    (3,) each [m]; the centre stays within 50 mm of the head's."""
-    step = max(1, len(surface.middle) // 4000)
-    points = surface.middle[::step]
-    weight = np.sqrt(np.linalg.norm(surface.vector[::step], axis=1))
+def fitted_ellipsoid(surface: Surface, lowest: float) -> tuple[FloatArray, FloatArray]:
+    """Semi-axes and centre of the ellipsoid along the head's axes that lies nearest a surface
+    above a height, (3,) each [m]; the centre stays within 50 mm of the head's.
+
+    The head bears on the inside of that ellipsoid. A chin bar below its bearing would shift it to
+    the front and down, and lengthen it: not the skull's place in the helmet.
+    """
+    above = surface.middle[:, 2] >= lowest
+    if not above.any():
+        above[:] = True
+    step = max(1, int(above.sum()) // 4000)
+    points = surface.middle[above][::step]
+    weight = np.sqrt(np.linalg.norm(surface.vector[above][::step], axis=1))
     half = 0.5 * np.ptp(points, axis=0)
     start = np.clip(half, 0.06, 0.29)
 
@@ -135,7 +142,10 @@ def fitted_ellipsoid(surface: Surface) -> tuple[FloatArray, FloatArray]:
 
     low = np.r_[[0.051] * 3, [-0.0499] * 3]
     high = np.r_[[0.299] * 3, [0.0499] * 3]
-    result = least_squares(apart, np.r_[start, 0.0, 0.0, 0.0], bounds=(low, high), x_scale=0.1)
+    result = least_squares(
+        apart, np.r_[start, 0.0, 0.0, 0.0], bounds=(low, high), x_scale=0.1, ftol=1e-13, xtol=1e-13,
+        gtol=1e-13,
+    )  # fmt: skip
     return result.x[:3], result.x[3:]
 
 

@@ -124,7 +124,7 @@ def import_helmet(shell: Path, liner: Path | None, plan: ImportPlan) -> Imported
     thickness = np.maximum(thickness, THINNEST)
     gap = check_head(cells, depths.shell + thickness, head, plan.headform)
     mean = float(np.average(thickness, weights=cells.area))
-    axes, center = fitted_ellipsoid(surface)
+    axes, center = fitted_ellipsoid(surface, base.padding.lowest)
     density = base.liner.density if plan.density is None else plan.density
     weighed = mass_properties(
         cells, depths.shell, thickness, np.full(len(thickness), density), plan.areal_density
