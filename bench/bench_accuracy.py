@@ -36,7 +36,7 @@ def cases(count: int) -> Iterator[dict[str, Any]]:
             "direction": str(rng.choice(DIRECTIONS)),
             "normal_velocity": float(rng.uniform(3.0, 8.0)),
             "tangential_velocity": float(rng.uniform(0.0, 10.0)),
-            "heading_deg": float(rng.uniform(-180.0, 180.0)),
+            "tangential_heading_deg": float(rng.uniform(-180.0, 180.0)),
             "surface": str(rng.choice(["ground", "ground", "ground", "kerbstone", "hemisphere"])),
         }
 

@@ -128,6 +128,17 @@ def test_the_neck_carries_what_moves_the_head() -> None:
         assert np.abs(ours - theirs).max() < 0.02 * largest
 
 
+def test_the_neck_does_not_carry_what_shoulders_push_the_helmet_with() -> None:
+    crown = {"direction": "top", "normal_velocity": 3.0, "tangential_velocity": 0.0}
+    single, several = (
+        finished(Impact(ImpactSetup(rates=r, **crown))).record() for r in ("single", "several")
+    )
+    for load in ("neck_force", "neck_torque"):
+        theirs = getattr(single, load)
+        apart = np.abs(getattr(several, load) - theirs).max()
+        assert apart < 0.1 * np.linalg.norm(theirs, axis=1).max()
+
+
 def test_a_diverging_impact_says_so() -> None:
     setup = ImpactSetup(overrides={
         "helmet.shell.contact_stiffness": 1e8, "helmet.shell.effective_mass": 1e-5,

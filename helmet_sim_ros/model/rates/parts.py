@@ -47,6 +47,7 @@ class Carried(NamedTuple):
 
     Attributes:
         head, helmet: bodies; of a spring helmet the latter is the struck shell.
+        rest: what of the helmet is fixed to the head, and touches shoulders and chest.
         carrying: bodies of the helmet, which the body at the large step does not carry.
         chain: degrees of freedom that move the head.
         slide, slide_velocity: first of the six joint axes from head to helmet in qpos and qvel.
@@ -60,6 +61,7 @@ class Carried(NamedTuple):
 
     head: int
     helmet: int
+    rest: int
     carrying: NDArray[np.int64]
     chain: NDArray[np.int64]
     slide: int
@@ -180,7 +182,7 @@ def _carried(model: mujoco.MjModel, layout: Layout, chain: NDArray[np.int64]) ->
     sx, sy, sz = (float(x) for x in (model.site_pos[site] if site >= 0 else np.zeros(3)))
     x, y, z = (float(g) for g in model.opt.gravity)
     return Carried(
-        layout.head, layout.helmet, np.array(parts, dtype=np.int64), chain, layout.fit,
+        layout.head, layout.helmet, rest, np.array(parts, dtype=np.int64), chain, layout.fit,
         layout.fit_velocity, layout.slide, layout.slide_velocity,
         _solid(model, [layout.head, rest]), inside, shell_only, Gauges(*places),
         (sx, sy, sz), (x, y, z),

@@ -93,9 +93,11 @@ def advance_several(simulation: Simulation, rates: Rates, rows: Rows, last: int)
             scaled(turned(middle_r, (back[3], back[4], back[5])), way),
         )
         head_v = turned(middle_r, (twist[3], twist[4], twist[5]))
-        held = row(slow_loads.wrenches, chest)
-        w = slow_loads.wrenches[chest]
-        held_moment = sub((w[3], w[4], w[5]), cross(sub(head_p, o), held))
+        # What pushes head and helmet from outside is not carried by the neck.
+        w, h = slow_loads.wrenches[chest], slow_loads.wrenches[carried.rest]
+        held = (w[0] + h[0], w[1] + h[1], w[2] + h[2])
+        held_moment = (w[3] + h[3], w[4] + h[4], w[5] + h[5])
+        held_moment = sub(held_moment, cross(sub(head_p, o), held))
         # The helmet's own state from its joints.
         write(qpos, start_q)
         write(qvel, start_v)
