@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
 
 from helmet_sim_ros.biomech.catalogue import CATALOGUE, SPOKEN, entry
 from helmet_sim_ros.biomech.measured import MeasuredPulse
@@ -70,8 +69,7 @@ def evaluate(
 
 def _judged(criterion: Criterion, limit: Limit) -> Criterion:
     notes = [criterion.note, "" if limit.verified else UNVERIFIED]
-    return replace(
-        criterion,
+    return criterion._replace(
         limit=limit.max,
         verdict="pass" if criterion.value <= limit.max else "fail",
         note="; ".join(filter(None, notes)),

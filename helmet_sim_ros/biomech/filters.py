@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from helmet_sim_ros.biomech.pulse import FloatArray, finite_array, positive
-from helmet_sim_ros.biomech.recursion import recursion, weighted
+from helmet_sim_ros.biomech.recursion import recursion
 from helmet_sim_ros.errors import PulseError
 
 #: Corner frequency of one pass over the class (SAE J211-1).
@@ -28,6 +28,8 @@ SAMPLES_PER_CLASS = 10.0
 LONGEST_TAIL = 1_000_000
 #: What a transient of the first pass has decayed to where the second starts.
 SETTLED = 1e-12
+#: Samples on either side of one that the numerators of both passes together reach.
+BEFORE = 2
 
 
 class SampleRateWarning(UserWarning):
@@ -114,30 +116,39 @@ def filtered(signal: FloatArray, channel_class: float, time_step: float) -> Floa
     rows = signal.T  # the samples along the last axis
     first = rows[..., :1]  # a constant passes unchanged, so it is left out of the recursions
     rest = np.empty((*rows.shape[:-1], n + design.tail))
-    np.subtract(rows, first, out=rest[..., :n])
-    rest[..., n:] = rest[..., n - 1 : n]
-    forward = design.run(rest)[..., ::-1]
-    settled = forward[..., :1].copy()
-    backward = design.run(np.subtract(forward, settled))
-    return (backward[..., ::-1][..., :n] + (first + settled)).T
+    rest[..., :BEFORE] = 0.0
+    np.subtract(rows, first, out=rest[..., BEFORE : BEFORE + n])
+    rest[..., BEFORE + n :] = rest[..., BEFORE + n - 1 : BEFORE + n]
+    forward = recursion(design.a, rest)
+    settled = forward[..., -1:].copy()
+    forward -= settled
+    backward = recursion(design.a, forward, backward=True)
+    answer = _spread(backward[..., : n + 2 * BEFORE])
+    answer *= design.gain**2
+    answer += first + settled * (4.0 * design.gain)
+    return answer.T
+
+
+def _spread(rows: FloatArray) -> FloatArray:
+    """The numerators of both passes but for their gain, 1, 2, 1 each, about every inner sample."""
+    for _ in range(2 * BEFORE):
+        rows = rows[..., 1:] + rows[..., :-1]
+    return rows
 
 
 class _Design(NamedTuple):
-    """One pass: its coefficients and the settling samples."""
+    """One pass: gain of its numerator 1, 2, 1; denominator; settling samples."""
 
-    b: FloatArray
+    gain: float
     a: FloatArray
     tail: int
-
-    def run(self, rows: FloatArray) -> FloatArray:
-        """The pass along the last axis, at rest before its first value, which is 0."""
-        return recursion(self.a, weighted(self.b, rows))
 
 
 @lru_cache(maxsize=32)
 def _design(channel_class: float, time_step: float) -> _Design:
     b, a = cfc_coefficients(channel_class, time_step)
-    return _Design(b, a, math.ceil(_settling(2.0 * math.pi * CORNER * channel_class, time_step)))
+    tail = math.ceil(_settling(2.0 * math.pi * CORNER * channel_class, time_step))
+    return _Design(float(b[0]), a, tail)
 
 
 def _settling(corner: float, time_step: float) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -127,8 +128,8 @@ def largest_ratio(normal: FloatArray, tangential: FloatArray) -> tuple[float, in
 
 def ratio_of_impulses(normal: FloatArray, friction: FloatArray) -> float:
     """:func:`impulse_ratio` of the two parts, (n, 3) each."""
-    pressed = float(np.linalg.norm(_sum_of_trapezoids(normal)))
-    return float(np.linalg.norm(_sum_of_trapezoids(friction))) / pressed if pressed > 0.0 else 0.0
+    pressed = math.hypot(*_impulse(normal))
+    return math.hypot(*_impulse(friction)) / pressed if pressed > 0.0 else 0.0
 
 
 def contact_normal(normal: FloatArray) -> FloatArray:
@@ -137,13 +138,14 @@ def contact_normal(normal: FloatArray) -> FloatArray:
     Args:
         normal: force normal to the surface, shape (n, 3) [N].
     """
-    impulse = _sum_of_trapezoids(normal)
-    amount = float(np.linalg.norm(impulse))
-    return impulse / amount if amount > 0.0 else np.array([0.0, 0.0, 1.0])
+    impulse = _impulse(normal)
+    amount = math.hypot(*impulse)
+    return np.divide(impulse, amount) if amount > 0.0 else np.array([0.0, 0.0, 1.0])
 
 
-def _sum_of_trapezoids(force: FloatArray) -> FloatArray:
-    total: FloatArray = force.sum(axis=0) - 0.5 * (force[0] + force[-1])
+def _impulse(force: FloatArray) -> list[float]:
+    """By the trapezoidal rule, in time steps, (3,)."""
+    total: list[float] = (force.sum(axis=0) - 0.5 * (force[0] + force[-1])).tolist()
     return total
 
 

@@ -139,11 +139,12 @@ def uniform_time_step(time: ArrayLike, name: str = "time") -> float:
     Raises:
         PulseError: fewer than two stamps, not finite, not increasing, or not uniform.
     """
-    stamps = increasing_time(time, name)
+    stamps = finite_array(name, time)
     steps = stamps[1:] - stamps[:-1]
     mean = float(stamps[-1] - stamps[0]) / (len(stamps) - 1)
-    worst = int(np.argmax(np.abs(steps - mean)))
-    if abs(steps[worst] - mean) > TIME_JITTER * mean:
+    worst = int(np.abs(steps - mean).argmax())
+    if mean <= 0.0 or abs(steps[worst] - mean) > TIME_JITTER * mean:
+        increasing_time(stamps, name)  # says so first
         raise PulseError(
             f"{name}: must be uniform, but the step after sample {worst} is {steps[worst]:.6g} s "
             f"and the mean is {mean:.6g} s"

@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
 
 from helmet_sim_ros.errors import PulseError, did_you_mean
 from helmet_sim_ros.views import show
@@ -17,8 +17,7 @@ if TYPE_CHECKING:
 Verdict = Literal["pass", "fail", "info"]
 
 
-@dataclass(frozen=True)
-class Criterion:
+class Criterion(NamedTuple):
     """One criterion of one impact.
 
     Attributes:
@@ -102,7 +101,7 @@ class Evaluation:
 
     def as_dict(self) -> dict[str, Any]:
         """Plain JSON types; see ``config/evaluation.schema.json``."""
-        criteria = {name: dict(vars(criterion)) for name, criterion in self.criteria.items()}
+        criteria = {name: criterion._asdict() for name, criterion in self.criteria.items()}
         for entry in criteria.values():
             entry["window"] = None if entry["window"] is None else list(entry["window"])
         return {
@@ -151,7 +150,7 @@ class Evaluation:
 
 
 def _criterion(entry: Mapping[str, Any]) -> Criterion:
-    known = {f.name: entry[f.name] for f in fields(Criterion) if f.name in entry}
+    known = {name: entry[name] for name in Criterion._fields if name in entry}
     for name in ("name", "unit", "note", "source"):
         _text(known.get(name, ""))
     if known.get("verdict", "info") not in get_args(Verdict):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +14,8 @@ from helmet_sim_ros.biomech.hic import Hic, maximum_window
 from helmet_sim_ros.biomech.pulse import FloatArray, finite_array, magnitude, positive, same_length
 from helmet_sim_ros.biomech.recursion import recursion, weighted
 from helmet_sim_ros.errors import PulseError
+
+Peaks = tuple[float, float, float]
 
 #: Critical angular velocities x, y, z [rad/s] of BrIC (Takhounts et al., "Development of brain
 #: injury criteria (BrIC)", Stapp Car Crash Journal 57, 2013): from the maximum principal strain,
@@ -72,8 +74,7 @@ def refuse_no_rotation(q: FloatArray) -> None:
     Raises:
         PulseError: one is not, by more than 1e-3 of its squared length.
     """
-    x, y, z, w = q.T
-    error = np.abs(x * x + y * y + z * z + w * w - 1.0)
+    error = np.abs((q * q).sum(axis=1) - 1.0)
     worst = int(error.argmax())
     if error[worst] > 1e-3:
         raise PulseError(f"head_orientation: not a unit quaternion at sample {worst}: {q[worst]}")
@@ -143,14 +144,16 @@ def bric(
     return bric_of(axis_peaks(finite_array("angular_velocity", angular_velocity, 3)), critical)
 
 
-def axis_peaks(signal: FloatArray) -> FloatArray:
-    """The largest amount on each axis, shape (3,), of a checked signal, (n, 3)."""
-    return np.abs(signal).max(axis=0)  # type: ignore[no-any-return]
+def axis_peaks(signal: FloatArray) -> Peaks:
+    """The largest amount on each axis of a checked signal, (n, 3)."""
+    x, y, z = np.abs(signal).max(axis=0).tolist()
+    return x, y, z
 
 
-def bric_of(peaks: FloatArray, critical: str) -> float:
-    """:func:`bric` of the peaks of the axes, shape (3,), for a known set of critical values."""
-    return _length(peaks / BRIC_CRITICAL[critical])
+def bric_of(peaks: Peaks, critical: str) -> float:
+    """:func:`bric` of the peaks of the axes for a known set of critical values."""
+    x, y, z = (peak / limit for peak, limit in zip(peaks, BRIC_CRITICAL[critical], strict=True))
+    return math.sqrt(x * x + y * y + z * z)
 
 
 def ubric(angular_velocity: ArrayLike, angular_acceleration: ArrayLike) -> float:
@@ -175,14 +178,11 @@ def ubric(angular_velocity: ArrayLike, angular_acceleration: ArrayLike) -> float
 def ubric_of(omega: FloatArray, alpha: FloatArray) -> float:
     """:func:`ubric` of checked signals, each (n, 3)."""
     w = (omega.max(axis=0) - omega.min(axis=0)) / UBRIC_VELOCITY
-    a = axis_peaks(alpha) / UBRIC_ACCELERATION
+    a = np.divide(axis_peaks(alpha), UBRIC_ACCELERATION)
     turning = w > 0.0  # the limit for w -> 0 is 0
     w, a = w[turning], a[turning]
-    return _length(w + (a - w) * np.exp(-a / w))
-
-
-def _length(vector: FloatArray) -> float:
-    return math.sqrt(float(vector @ vector))
+    scaled = w + (a - w) * np.exp(-a / w)
+    return math.sqrt(float(scaled @ scaled))
 
 
 def damage(angular_acceleration: ArrayLike, time_step: float) -> float:
@@ -204,14 +204,13 @@ def damage(angular_acceleration: ArrayLike, time_step: float) -> float:
 
 def brain_strain(alpha: FloatArray, time_step: float) -> float:
     """:func:`damage` of a checked acceleration, (n, 3)."""
-    modes, filters = _damage_filters(time_step)
-    answers = []
-    for drive, (b, a, start) in zip(modes.T @ alpha.T, filters, strict=True):
-        driven = weighted(b, drive)
-        driven[:2] += start[: len(drive)] * drive[0]
-        answers.append(recursion(a, driven))
+    modes, feedback, weights, start = _damage_filters(time_step)
+    drive = modes.T @ alpha.T
+    driven = weighted(weights, drive)
+    driven[:, :2] += start[:, : len(alpha)] * drive[:, :1]
+    answer = np.stack([recursion(*each) for each in zip(feedback, driven, strict=True)])
     # The modes are orthonormal, so the length of x is the length of the modal displacement.
-    return DAMAGE_SCALE * float(magnitude(np.stack(answers).T).max())
+    return DAMAGE_SCALE * float(magnitude(answer.T).max())
 
 
 def ric(angular_acceleration: ArrayLike, time_step: float) -> Hic:
@@ -248,19 +247,30 @@ def damage_stiffness() -> FloatArray:
     return np.array([[kx + k, 0.0, -k], [0.0, ky, 0.0], [-k, 0.0, kz + k]])
 
 
-@lru_cache(maxsize=32)
-def _damage_filters(
-    time_step: float,
-) -> tuple[FloatArray, tuple[tuple[FloatArray, FloatArray, FloatArray], ...]]:
-    """The modes in head axes, shape (3, 3), and per mode the recursion of its displacement.
+class _Oscillators(NamedTuple):
+    """DAMAGE as recursions of the displacements of its three modes, one row each, (3, 3).
 
-    With state s = (x, x') and drive u, s1 = Phi s0 + G0 u0 + G1 u1 exactly for a linear u. Its
+    Attributes:
+        modes: their shapes in head axes, one column each.
+        feedback, weights: of the recursion and of its drive.
+        start: what the first two samples lack for a first drive of 1, (3, 2).
+    """
+
+    modes: FloatArray
+    feedback: FloatArray
+    weights: FloatArray
+    start: FloatArray
+
+
+@lru_cache(maxsize=32)
+def _damage_filters(time_step: float) -> _Oscillators:
+    """With state s = (x, x') and drive u, s1 = Phi s0 + G0 u0 + G1 u1 exactly for a linear u. Its
     first component obeys x2 = tr Phi x1 - det Phi x0 + b0 u2 + b1 u1 + b2 u0. What must be
     added at the first two samples for x0 = 0 and x1 = G0 u0 + G1 u1 comes for u0 = 1.
     """
     stiffness, modes = np.linalg.eigh(damage_stiffness())
-    filters = []
-    for k in stiffness:
+    feedback, weights, start = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 2))
+    for i, k in enumerate(stiffness):
         # exponential of the state, the drive and its slope together
         system = np.zeros((4, 4))
         system[0, 1] = system[1, 2] = system[2, 3] = 1.0
@@ -269,7 +279,7 @@ def _damage_filters(
         phi, level, slope = step[:2, :2], step[:2, 2], step[:2, 3] / time_step
         g0, g1 = level - slope, slope
         rest = np.array([[-phi[1, 1], phi[0, 1]], [phi[1, 0], -phi[0, 0]]])  # -adjugate
-        b = np.array([g1[0], g0[0] + rest[0] @ g1, rest[0] @ g0])
-        a = np.array([1.0, -np.trace(phi), np.linalg.det(phi)])
-        filters.append((b, a, np.array([-b[0], g0[0] - b[1]])))
-    return SAE_SIGN[:, None] * modes, tuple(filters)
+        weights[i] = g1[0], g0[0] + rest[0] @ g1, rest[0] @ g0
+        feedback[i] = 1.0, -np.trace(phi), np.linalg.det(phi)
+        start[i] = -weights[i, 0], g0[0] - weights[i, 1]
+    return _Oscillators(SAE_SIGN[:, None] * modes, feedback, weights, start)

@@ -159,8 +159,8 @@ class RawSignals(Signals):
         return magnitude(self.angular_velocity)
 
     @cached_property
-    def rate_peaks(self) -> FloatArray:
-        """The largest angular velocity about each head axis, shape (3,) [rad/s]."""
+    def rate_peaks(self) -> rotation.Peaks:
+        """The largest angular velocity about each head axis [rad/s]."""
         return rotation.axis_peaks(self.angular_velocity)
 
     @cached_property

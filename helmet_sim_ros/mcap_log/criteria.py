@@ -6,7 +6,7 @@ import json
 from dataclasses import fields
 from typing import Any
 
-from helmet_sim_ros.biomech.result import Criterion, Evaluation
+from helmet_sim_ros.biomech.result import Evaluation
 from helmet_sim_ros.errors import LogError, PulseError
 from helmet_sim_ros.mcap_log.digest import SETUP_DIGEST
 
@@ -16,7 +16,7 @@ NOT_EVALUATED = "not_evaluated"
 WHOLE = "evaluation."
 
 #: Values that are plain text; all others are JSON.
-_TEXTS = {f.name for f in fields(Criterion) if f.type in ("str", "Verdict")}
+_TEXTS = {"name", "unit", "verdict", "note", "source"}
 _TEXTS |= {WHOLE + f.name for f in fields(Evaluation) if f.type == "str"} | {WHOLE + "verdict"}
 
 
