@@ -241,7 +241,7 @@ def test_a_strike_alone_begins_with_head_helmet_and_shell_as_its_state_has_them(
     assert back @ away == pytest.approx(state.shift + shell)
     carried = back @ (helmet_speed - speed - np.cross(spin, away))
     assert carried == pytest.approx(state.shift_rate + np.cross(state.turn_rate, shell) + rate)
-    assert data.qvel[world.parts.layout.qvel] == pytest.approx(state.joint_velocities)
+    assert data.qvel[world.parts.structure.layout.qvel] == pytest.approx(state.joint_velocities)
 
 
 def test_a_faster_strike_is_harder():

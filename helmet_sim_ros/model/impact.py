@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 from typing import Any
@@ -45,7 +46,7 @@ from helmet_sim_ros.model.rider.neck import overload
 from helmet_sim_ros.model.setup import ImpactSetup
 from helmet_sim_ros.model.state import read_state
 from helmet_sim_ros.model.watch import most_energy, overloaded
-from helmet_sim_ros.model.world import build
+from helmet_sim_ros.model.world import build, specified
 
 
 class Impact:
@@ -79,8 +80,9 @@ class Impact:
         parts, data = world.parts, world.data
         self.notes, self.surface, self.contact = world.notes, world.surface, world.contact
         self.neck = parts.neck
-        self._model, self._data, self._spec = parts.model, data, parts.spec
-        self._layout = layout = parts.layout
+        self._model, self._data, self._plan = parts.model, data, parts.plan
+        weakref.finalize(self, parts.structure.spare.append, data)
+        self._layout = layout = parts.structure.layout
         self._tells_shell = isinstance(setup, Fall) and layout.slide >= 0
         self.labels = block_labels(layout.joints, (SHELL,) if self._tells_shell else ())
         columns, shapes = parts.columns, len(world.surface.kind)
@@ -114,7 +116,7 @@ class Impact:
         engine = Engine(
             parts.model._address, data._address, data.qacc_smooth, data.qacc, data.xfrc_applied,
             data.sensordata, data.M, parts.damped_diagonal[0], parts.model.opt.timestep,
-            parts.damped_diagonal[1], parts.chains, data.energy,
+            parts.damped_diagonal[1], parts.structure.chains, data.energy,
         )  # fmt: skip
         clock = Clock(
             parts.model.opt.timestep,
@@ -128,7 +130,7 @@ class Impact:
         self._time = np.arange(self.total, dtype=np.float64) * setup.time_step
         self._done = self._computed = 0
         if self._several:
-            self._rates = rates(parts.model, data, layout, parts.chains)
+            self._rates = rates(parts.model, data, layout, parts.structure.chains)
 
     @property
     def done_samples(self) -> int:
@@ -215,7 +217,9 @@ class Impact:
 
     def model_xml(self) -> str:
         """The model as MJCF text, for provenance and replay in other tools."""
-        return str(self._spec.to_xml())
+        spec = specified(self._plan)
+        spec.compile()
+        return str(spec.to_xml())
 
     def _slice(self, first: int, last: int, extras: Mapping[str, Any]) -> ImpactRecord:
         rows = Rows(*(array[first:last] for array in self._rows))

@@ -18,8 +18,10 @@ class AtRest:
         inverse: of the mass matrix, (nv, nv).
     """
 
-    def __init__(self, model: mujoco.MjModel) -> None:
-        self._model, self._data = model, mujoco.MjData(model)
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        """Of a model; ``data``: working memory, which must stay as it is left."""
+        self._model, self._data = model, data
+        mujoco.mj_resetData(model, data)
         self._data.qpos[7:] = model.qpos_spring[7:]
         mujoco.mj_fwdPosition(model, self._data)
         self.inverse: FloatArray = np.zeros((model.nv, model.nv))

@@ -19,7 +19,7 @@ from helmet_sim_ros.model.rider.neck import named_today
 from helmet_sim_ros.model.setup import ImpactSetup
 from helmet_sim_ros.model.state import read_state
 from helmet_sim_ros.model.surface.drawing import Primitive, drawn
-from helmet_sim_ros.model.world import build
+from helmet_sim_ros.model.world import build, specified
 
 _KINDS = {
     int(mujoco.mjtGeom.mjGEOM_ELLIPSOID): "ellipsoid",
@@ -86,7 +86,7 @@ class Scene:
         self.model, self.data = world.parts.model, world.data
         self.mesh = shell_mesh(setup.helmet_config)
         if self.mesh is not None:
-            spec = world.parts.spec.copy()
+            spec = specified(world.parts.plan)
             spec.add_mesh(
                 name="shell", uservert=self.mesh.vertices.ravel(),
                 userface=self.mesh.faces.ravel(),
@@ -94,7 +94,7 @@ class Scene:
             )  # fmt: skip
             self.model = spec.compile()
             self.data = mujoco.MjData(self.model)
-        self._layout = world.parts.layout
+        self._layout = world.parts.structure.layout
         model = self.model
         self._geoms = [g for g in range(model.ngeom) if model.geom_bodyid[g] != 0]
         parts = [

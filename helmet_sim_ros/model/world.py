@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -27,6 +28,7 @@ from helmet_sim_ros.model.force.stops import Stops, joint_stops
 from helmet_sim_ros.model.headform import Headform
 from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.layout import Layout
+from helmet_sim_ros.model.numbers import Numbers
 from helmet_sim_ros.model.placement import place, resume
 from helmet_sim_ros.model.rest import AtRest
 from helmet_sim_ros.model.rider import tissue
@@ -77,33 +79,68 @@ class Plan(NamedTuple):
 
 
 @dataclass(frozen=True)
+class Kind:
+    """What decides on the structure of a model; ``plan``: one of this kind."""
+
+    rig: Rig
+    coupling: str
+    surface: SurfaceConfig
+    plan: Plan = field(compare=False)
+
+
+@dataclass(frozen=True)
+class Structure:
+    """What models of one :class:`Kind` share.
+
+    Attributes:
+        model: of one of them, compiled; not to be changed.
+        data: working memory.
+        chains: the kinematic tree.
+        layout: where named quantities stand in the model's vectors.
+        spare: data of impacts that are gone, to be used again.
+    """
+
+    model: mujoco.MjModel
+    data: mujoco.MjData
+    chains: Chains
+    layout: Layout
+    spare: list[mujoco.MjData]
+
+    def data_of(self, model: mujoco.MjModel) -> mujoco.MjData:
+        """Data of a model of this kind, as new."""
+        if not self.spare:
+            return mujoco.MjData(model)
+        data = self.spare.pop()
+        mujoco.mj_resetData(model, data)
+        return data
+
+
+@dataclass(frozen=True)
 class Parts:
     """What setups of one :class:`Plan` share; nothing here may be changed.
 
     Attributes:
+        plan: what they share it by.
+        structure: of the model.
         model: compiled model.
-        spec: the same as an editable specification, for export.
         contact: what may touch the surface by a stiff contact, as long as nothing has moved.
         columns: the foam helmet's columns, none for a spring helmet.
         stops: of the body's hinges.
         neck: of the rider, as long as it has not yielded.
         own: contact of the rider with himself.
-        chains: the kinematic tree.
         damped_diagonal: where the diagonal of M stands in MuJoCo's data, and what the damping of
             the joints adds to it in an implicit step, (nv,) each.
-        layout: where named quantities stand in the model's vectors.
     """
 
+    plan: Plan
+    structure: Structure
     model: mujoco.MjModel
-    spec: mujoco.MjSpec
     contact: Contact
     columns: Columns
     stops: Stops
     neck: CervicalSpine
     own: SelfContact
-    chains: Chains
     damped_diagonal: tuple[NDArray[np.int64], FloatArray]
-    layout: Layout
 
 
 @dataclass(frozen=True)
@@ -145,7 +182,7 @@ def build(setup: ImpactSetup | FallValues, helmet: Helmet, dented: bool = False)
         setup.time_step / steps, setup.surface_config, setup.headform, setup.posing,
     )  # fmt: skip
     parts = _parts(plan)
-    data, notes = mujoco.MjData(parts.model), ()  # type: tuple[mujoco.MjData, tuple[str, ...]]
+    data, notes = parts.structure.data_of(parts.model), ()  # type: tuple[mujoco.MjData, tuple[str, ...]]
     state = setup.state if isinstance(setup, ImpactSetup) else None
     time = 0.0 if state is None else read_state(state).time
     surface = setup.surface_config.moving(setup.friction, time)
@@ -153,7 +190,9 @@ def build(setup: ImpactSetup | FallValues, helmet: Helmet, dented: bool = False)
     if isinstance(setup, FallValues):
         start_fall(parts.model, data, contact, surface, setup)
     elif state is not None:
-        notes = resume(parts.model, data, parts.layout, surface, setup, None if dented else helmet)
+        notes = resume(
+            parts.model, data, parts.structure.layout, surface, setup, None if dented else helmet
+        )
     else:
         notes = place(parts.model, data, contact, surface, setup, helmet)
         notes += _not_flat(setup, helmet)
@@ -186,33 +225,58 @@ def _not_flat(setup: ImpactSetup, helmet: Helmet) -> tuple[str, ...]:
 
 @lru_cache(maxsize=8)
 def _parts(plan: Plan) -> Parts:
-    rider, helmet = plan.rider, plan.helmet
-    spec = _empty_world(plan.gravity, plan.step)
-    add_geoms(spec, plan.surface, GROUND_COLOR)
-    body = anthropometry(rider)
-    if plan.rig == "rider":
-        head = add_body(spec, rider, body)
-    else:
-        head = spec.worldbody.add_body(name="head")
-        head.add_freejoint(name="root")
-    segment = _head(rider, plan.form)
-    held = HELD if plan.rig == "monorail" else 1.0
-    _rigid(head, segment.mass, [0.0, 0.0, 0.0], [held * i for i in segment.inertia])
-    _add_helmet(spec, head, helmet)
-    _add_sensors(spec, plan.rig, "head" if helmet.coupling == "none" else "helmet")
-    model = spec.compile()
+    rider, helmet, body = plan.rider, plan.helmet, anthropometry(plan.rider)
+    structure = _structure(Kind(plan.rig, helmet.coupling, plan.surface, plan))
+    model = numbered(structure, plan)
     if plan.rig == "rider":
         set_rest(model, math.radians(plan.neck_flexion_deg))
     if plan.posing is not None:
         plan.posing.set(model)
-    foam, rest = helmet.coupling == "foam", AtRest(model)
+    foam, rest = helmet.coupling == "foam", AtRest(model, structure.data)
     return Parts(
-        model, spec, _ellipsoids(model, helmet, body.scale, rest),
+        plan, structure, model, _ellipsoids(model, helmet, body.scale, rest),
         columns(helmet) if foam else no_columns(),
         joint_stops(model, rest), cervical_spine(model, rider.neck),
-        self_contact(model, helmet, body, rest), chains(model),
-        _damped_diagonal(model), Layout(model),
+        self_contact(model, helmet, body, rest), _damped_diagonal(model),
     )  # fmt: skip
+
+
+@lru_cache(maxsize=8)
+def _structure(kind: Kind) -> Structure:
+    model = specified(kind.plan).compile()
+    return Structure(model, mujoco.MjData(model), chains(model), Layout(model), [])
+
+
+def numbered(structure: Structure, plan: Plan) -> mujoco.MjModel:
+    """The model of a plan: bit for bit what :func:`specified` compiles to, but for ``stat``, by
+    which viewers choose their scale: it stays that of the first model of the kind."""
+    model = copy.copy(structure.model)
+    model.opt.timestep, model.opt.gravity = plan.step, [0.0, 0.0, -plan.gravity]
+    _add_bodies(Numbers(model), plan)  # told as a specification is
+    mujoco.mj_setConst(model, structure.data)
+    return model
+
+
+def specified(plan: Plan) -> mujoco.MjSpec:
+    """The model of a plan as an editable specification."""
+    spec = _empty_world(plan.gravity, plan.step)
+    add_geoms(spec, plan.surface, GROUND_COLOR)
+    _add_bodies(spec.worldbody, plan)
+    _add_sensors(spec, plan.rig, "head" if plan.helmet.coupling == "none" else "helmet")
+    return spec
+
+
+def _add_bodies(world: mujoco.MjsBody, plan: Plan) -> None:
+    """Rider or head alone, and helmet."""
+    if plan.rig == "rider":
+        head = add_body(world, plan.rider, anthropometry(plan.rider))
+    else:
+        head = world.add_body(name="head")
+        head.add_freejoint(name="root")
+    segment = _head(plan.rider, plan.form)
+    held = HELD if plan.rig == "monorail" else 1.0
+    _rigid(head, segment.mass, [0.0, 0.0, 0.0], [held * i for i in segment.inertia])
+    _add_helmet(head, plan.helmet)
 
 
 def _head(rider: Rider, form: Headform | None) -> Segment:
@@ -298,7 +362,7 @@ def _empty_world(gravity: float, step: float) -> mujoco.MjSpec:
     return spec
 
 
-def _add_helmet(spec: mujoco.MjSpec, head: mujoco.MjsBody, helmet: Helmet) -> None:
+def _add_helmet(head: mujoco.MjsBody, helmet: Helmet) -> None:
     """The helmet on the head, with six degrees of freedom.
 
     A rigid shell of the whole mass would be stopped at once by the ground and then struck by the

@@ -287,7 +287,7 @@ def _state(
     world: World,
 ) -> State:
     """How rider and helmet move in sample i."""
-    model, layout = world.parts.model, world.parts.layout
+    model, layout = world.parts.model, world.parts.structure.layout
     rests = layout.positions(model.qpos_spring[None])[0]
     factors = np.ones(len(rests))
     if isinstance(setup, Fall):
@@ -333,7 +333,7 @@ def _zone(azimuth: float, elevation: float) -> str:
 def _body_axis(record: ImpactRecord, i: int, world: World) -> FloatArray:
     """Unit vector from the hips to the top of the trunk, world axes."""
     model, data = world.parts.model, world.data
-    world.parts.layout.pose(data.qpos, record.joint_names, record.joint_positions[i])
+    world.parts.structure.layout.pose(data.qpos, record.joint_names, record.joint_positions[i])
     turn = np.empty(9)
     mujoco.mju_quat2Mat(turn, record.head_orientation[i][[3, 0, 1, 2]])
     place_head(model, data, record.head_position[i], turn.reshape(3, 3))

@@ -28,10 +28,11 @@ FORWARD = (0.0, -1.0, 0.0)  # a positive angle swings what hangs below the joint
 BODY_COLOR = (0.75, 0.62, 0.55, 1.0)
 
 
-def add_body(spec: mujoco.MjSpec, rider: Rider, body: Anthropometry) -> mujoco.MjsBody:
+def add_body(world: mujoco.MjsBody, rider: Rider, body: Anthropometry) -> mujoco.MjsBody:
     """Build pelvis, trunk, neck, arms and legs.
 
     Args:
+        world: what they stand in.
         rider: neck properties and posture.
         body: the rider's segments.
 
@@ -39,7 +40,7 @@ def add_body(spec: mujoco.MjSpec, rider: Rider, body: Anthropometry) -> mujoco.M
         The body ``head``, still without mass, jointed to the neck.
     """
     s, k = body.segments, body.scale
-    pelvis = spec.worldbody.add_body(name="pelvis")
+    pelvis = world.add_body(name="pelvis")
     pelvis.add_freejoint(name="root")
     _mass(pelvis, s["lower_trunk"])
     half = 0.5 * s["lower_trunk"].length
