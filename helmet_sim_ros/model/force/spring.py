@@ -126,7 +126,7 @@ def unloading_exponent(exponent: float, compression: float, energy_loss: float) 
             slope = math.exp(-u) / math.expm1(-u) ** 2 - 1.0 / (u * u)
         rise = (share - exponential_share(u)) / slope
         u += rise
-        if rise <= 1e-14 * u:
+        if rise <= 1e-8 * u:  # of second order: the next rise would be 1e-16 u
             break
     return u / compression
 

@@ -9,7 +9,7 @@ from numba import types
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.model.compiled import compiled
 from helmet_sim_ros.model.force import neck
-from helmet_sim_ros.model.force.bodies import Motion, add_generalised, clear
+from helmet_sim_ros.model.force.bodies import Loads, Motion, add_generalised, clear
 from helmet_sim_ros.model.force.vector import add, cross, matrix, row, sub, turned_back
 from helmet_sim_ros.model.loop import (
     Simulation,
@@ -37,19 +37,22 @@ def joint_velocity(carrier: Carrier, slow: FloatArray, time: float, impulse: Flo
     """Velocities at a time [s] in the large step after an impulse on the head, (6,)."""
     start, response = carrier.velocity, carrier.response
     for j in range(len(out)):
-        total = start[j] + time * slow[j]
-        for k in range(6):
-            total += response[k, j] * impulse[k]
-        out[j] = total
+        out[j] = start[j] + time * slow[j]
+    for k in range(6):
+        for j in range(len(out)):
+            out[j] += response[k, j] * impulse[k]
 
 
 @compiled
-def renew(simulation: Simulation, carried: Carried, carrier: Carrier, length: float) -> None:
+def renew(
+    simulation: Simulation, carried: Carried, carrier: Carrier, length: float, looks: bool
+) -> None:
     """Take kinematics, inertia, bias and slow forces at the middle of a large step.
 
     Args:
         simulation: whose loads become those of the slow forces.
         length: H [s].
+        looks: whether the body's energy is asked for.
 
     ``engine.acceleration`` gets the slow acceleration, ``engine.energy`` the body's energy; qpos
     is as before, qvel that of the middle.
@@ -74,7 +77,8 @@ def renew(simulation: Simulation, carried: Carried, carrier: Carrier, length: fl
     for k in range(len(carried.carrying)):
         carrier.inertia[carried.carrying[k]] = 0.0
     make_m(model, data)
-    energy_vel(model, data)
+    if looks:
+        energy_vel(model, data)
     velocity_(model, data)
     clear(loads)
     slow_forces(forces, length, motion, loads)
@@ -107,6 +111,9 @@ def renew(simulation: Simulation, carried: Carried, carrier: Carrier, length: fl
             jacobian[k, j] = turning[k]
             jacobian[3 + k, j] = moving[k]
     _solve_m(model, data, response.ctypes.data, jacobian.ctypes.data, 6)
+    for k in range(6):
+        for i in range(6):
+            carrier.before[k, i] = apparent[k, i]
     for k in range(6):
         for i in range(k + 1):
             total = 0.0
@@ -152,23 +159,45 @@ def head_rate(
 
 
 @compiled
+def hold(motion: Motion, loads: Loads, carried: Carried, carrier: Carrier, length: float) -> None:
+    """Take up what pushes the head from outside in this large step, and how that changes: the neck
+    does not carry it. ``length``: of the step [s]; before :func:`next_length`."""
+    o, w, h = motion.origin, loads.wrenches[carried.head], loads.wrenches[carried.rest]
+    force = (w[0] + h[0], w[1] + h[1], w[2] + h[2])
+    arm = sub(row(motion.position, carried.head), (o[0], o[1], o[2]))
+    moment = sub((w[3] + h[3], w[4] + h[4], w[5] + h[5]), cross(arm, force))
+    before, held, holding = carrier.drift[6], carrier.held, carrier.holding
+    apart = 0.5 * (before + length)
+    for k in range(3):
+        if before > 0.0:
+            holding[k] = (moment[k] - held[k]) / apart
+            holding[3 + k] = (force[k] - held[3 + k]) / apart
+        held[k], held[3 + k] = moment[k], force[k]
+
+
+@compiled
 def next_length(carrier: Carrier, drift: FloatArray, length: float) -> float:
     """Length [s] of the large step after one of this ``length`` with this drift of the head.
 
     What the drift differs from its extrapolation is an error of the step, in velocity it grows
-    with the third power of the length.
+    with the third power of the length. Two steps are compared under the same load on the head: the
+    damping of the body, which is the mean of a step, leaves more of the drift the longer a step
+    is, and as much less of what the load does.
     """
-    before = carrier.drift[6]
+    before, load = carrier.drift[6], carrier.scratch.wrench
     apart = 0.5 * (before + length)
     turn, speed = 0.0, 0.0
     for k in range(6):
-        off = drift[k] - carrier.drift[k] - apart * carrier.slope[k]
+        change = drift[k] - carrier.drift[k]
+        for i in range(6):
+            change += (carrier.apparent[k, i] - carrier.before[k, i]) * load[i]
+        off = change - apart * carrier.slope[k]
         if k < 3:
             turn += off * off
         else:
             speed += off * off
         if before > 0.0:
-            carrier.slope[k] = (drift[k] - carrier.drift[k]) / apart
+            carrier.slope[k] = change / apart
         carrier.drift[k] = drift[k]
     carrier.drift[6] = length
     if before == 0.0:

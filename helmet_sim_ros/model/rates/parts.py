@@ -101,9 +101,14 @@ class Carrier(NamedTuple):
         latest: state: acceleration at the end of the step before, (nv,).
         jacobian: B, (6, nv): angular, then linear, head axes.
         response: M^-1 B^T, transposed, (6, nv); ``apparent``: A, (6, 6).
-        steps: state: fine steps done, and of the next large step; (2,).
+        before: state: A of the large step before.
+        steps: state: fine steps done, of the next large step, and done at the next look at the
+            kinetic energy; (3,).
         drift: state: of the head in the large step before (6), and that step's length [s]; (7,).
         slope: state: rate of change of the drift, (6,).
+        held: state: what pushes the head and what is fixed to it from outside in this large step,
+            world axes, moment about the head's origin, then force, (6,); ``holding``: state: its
+            rate of change, (6,).
         rates: state: accelerations of the fine step before: of the head (6, head axes), of the
             helmet's middle and the shell (3 each, world axes), of the helmet's turning (3); (15,).
         tolerance: see ``TOLERANCE``; ``longest``: large step [s].
@@ -119,9 +124,12 @@ class Carrier(NamedTuple):
     jacobian: FloatArray
     response: FloatArray
     apparent: FloatArray
+    before: FloatArray
     steps: NDArray[np.int64]
     drift: FloatArray
     slope: FloatArray
+    held: FloatArray
+    holding: FloatArray
     rates: FloatArray
     tolerance: float
     longest: float
@@ -195,6 +203,7 @@ def _carrier(model: mujoco.MjModel, data: mujoco.MjData) -> Carrier:
     return Carrier(
         data.cinert, data.cdof_dot, data.xquat, np.zeros(model.nq), np.zeros(nv), np.zeros(nv),
         np.zeros(nv), np.zeros((6, nv)), np.zeros((6, nv)), np.zeros((6, 6)),
-        np.array([0, 1], dtype=np.int64), np.zeros(7), np.zeros(6), np.zeros(15),
+        np.zeros((6, 6)), np.array([0, 1, 0], dtype=np.int64), np.zeros(7), np.zeros(6),
+        np.zeros(6), np.zeros(6), np.zeros(15),
         TOLERANCE, LONGEST, Scratch(*np.zeros((10, 6))),
     )  # fmt: skip
