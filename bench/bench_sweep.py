@@ -60,9 +60,12 @@ def overhead() -> None:
     """CPU time of a whole sweep in one process, and what it was spent on."""
     print(f"a study of {IMPACTS} impacts in one process, CPU time")
     few = {"criteria": list(JOB.criteria), "riders": False}
+    several = {"common": {"sim.rates": "several"}}
     for name, plan in (
         ("spring, a rider per impact, all criteria", study(IMPACTS, "spring")),
         ("foam, a rider per impact, all criteria", study(IMPACTS, "foam")),
+        ("spring, several rates, a rider each, all", study(IMPACTS, "spring", **several)),
+        ("foam, several rates, a rider each, all", study(IMPACTS, "foam", **several)),
         ("spring, one rider, peak g and HIC", study(IMPACTS, "spring", **few)),
         ("foam, one rider, peak g and HIC", study(IMPACTS, "foam", **few)),
     ):

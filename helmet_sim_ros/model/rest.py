@@ -19,9 +19,8 @@ class AtRest:
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Of a model; ``data``: working memory, which must stay as it is left."""
+        """Of a model; ``data``: as new, to be left alone as long as this is in use."""
         self._model, self._data = model, data
-        mujoco.mj_resetData(model, data)
         self._data.qpos[7:] = model.qpos_spring[7:]
         mujoco.mj_fwdPosition(model, self._data)
         self.inverse: FloatArray = np.zeros((model.nv, model.nv))

@@ -94,14 +94,12 @@ class Structure:
 
     Attributes:
         model: of one of them, compiled; not to be changed.
-        data: working memory.
         chains: the kinematic tree.
         layout: where named quantities stand in the model's vectors.
-        spare: data of impacts that are gone, to be used again.
+        spare: data that nobody uses now.
     """
 
     model: mujoco.MjModel
-    data: mujoco.MjData
     chains: Chains
     layout: Layout
     spare: list[mujoco.MjData]
@@ -232,19 +230,22 @@ def _parts(plan: Plan) -> Parts:
         set_rest(model, math.radians(plan.neck_flexion_deg))
     if plan.posing is not None:
         plan.posing.set(model)
-    foam, rest = helmet.coupling == "foam", AtRest(model, structure.data)
-    return Parts(
+    data, foam = structure.data_of(model), helmet.coupling == "foam"
+    rest = AtRest(model, data)
+    parts = Parts(
         plan, structure, model, _ellipsoids(model, helmet, body.scale, rest),
         columns(helmet) if foam else no_columns(),
         joint_stops(model, rest), cervical_spine(model, rider.neck),
         self_contact(model, helmet, body, rest), _damped_diagonal(model),
     )  # fmt: skip
+    structure.spare.append(data)
+    return parts
 
 
 @lru_cache(maxsize=8)
 def _structure(kind: Kind) -> Structure:
     model = specified(kind.plan).compile()
-    return Structure(model, mujoco.MjData(model), chains(model), Layout(model), [])
+    return Structure(model, chains(model), Layout(model), [])
 
 
 def numbered(structure: Structure, plan: Plan) -> mujoco.MjModel:
@@ -253,7 +254,9 @@ def numbered(structure: Structure, plan: Plan) -> mujoco.MjModel:
     model = copy.copy(structure.model)
     model.opt.timestep, model.opt.gravity = plan.step, [0.0, 0.0, -plan.gravity]
     _add_bodies(Numbers(model), plan)  # told as a specification is
-    mujoco.mj_setConst(model, structure.data)
+    data = structure.data_of(model)
+    mujoco.mj_setConst(model, data)
+    structure.spare.append(data)
     return model
 
 

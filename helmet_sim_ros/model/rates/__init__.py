@@ -11,7 +11,9 @@ as rigid bodies at the fine step h, under the same forces as at a single rate:
 
 with a the acceleration by slow forces and bias, g the wrench of the fine forces on the head. All
 of it is of second order in H; in h it is the same leapfrog as the single rate. The joints' damping
-D is taken by the trapezoidal rule: M + H D / 2 stands for M, -D v0 for the damping's force.
+D is taken by the trapezoidal rule: M + H D / 2 stands for M, -D v0 for the damping's force. What
+that leaves to a and takes from A g depends on H, their sum does not: how a changes from one large
+step to the next, its course within the step and the error of H, is told under the same g.
 
 Positions never drift apart: what is integrated at the end are the joints themselves, the head's
 pose follows from them anew in each large step, and the helmet's from the head's and its own joints.
