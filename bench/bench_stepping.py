@@ -69,6 +69,13 @@ def measure(form: str) -> None:
     print(f"  several rates / stepping loop          {rates / stepping:.3f}")
     print(f"  whole impact with evaluation / stepping {total / stepping:.3f}")
     print(f"  stepping of one impact                 {stepping * 1e3:.1f} ms CPU")
+    riders = [
+        ImpactSetup(overrides={"helmet.coupling": form, "rider.height": 1.6 + 0.01 * i})
+        for i in range(ROUNDS)
+    ]
+    new = statistics.median(cpu(lambda s=s: Impact(s)) for s in riders)
+    again = statistics.median(cpu(lambda: Impact(setup)) for _ in riders)
+    print(f"  set-up of a new rider, of a known one  {new * 1e3:.1f}, {again * 1e3:.1f} ms CPU")
 
 
 def _simulated(setup: ImpactSetup) -> object:

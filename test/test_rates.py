@@ -12,9 +12,10 @@ from helmet_sim_ros.model.balance import balance
 from helmet_sim_ros.model.impact import Impact
 from helmet_sim_ros.model.setup import ImpactSetup
 
-#: Peaks that a study asks for, and how far they may be from those of a single rate [-].
+#: Peaks that a study asks for, and how far they may be from those of a single rate [-]. The peak of
+#: a head over a shell that chatters on a kerb differs by 2.8e-3 with the shortest large steps.
 CLOSE = {
-    "peak_g": 3e-3, "hic": 3e-3, "peak_normal_force": 3e-3, "peak_angular_acceleration": 1e-2,
+    "peak_g": 4e-3, "hic": 3e-3, "peak_normal_force": 3e-3, "peak_angular_acceleration": 1e-2,
     "peak_neck_compression": 1e-2,
 }  # fmt: skip
 
