@@ -27,6 +27,8 @@ SLACK = 0.01  # m, that a measured helmet may reach beyond its ellipsoid; choice
 TINY = 1e-9  # s, by which a step that no strike asks for is longer than a fine one
 CLOSE = 1e-3  # m, of a head to what it lies on, or rocks on
 FARTHEST = 0.12  # m, from which on nothing touches within a step: 100 m/s for 1 ms
+NEAR = 0.03  # m, of a part's sphere, from which on its closest point is looked for
+TURN = 2.0  # times the arc on which that point moves over a sphere; a choice, parts are not spheres
 
 
 class Limits(NamedTuple):
@@ -92,40 +94,48 @@ class Pace(NamedTuple):
 
 @inlined
 def closing(
-    motion: Motion, body: int, point: Vec, normal: Vec, reach: float, gap: float, shape: Vec
+    motion: Motion, body: int, point: Vec, normal: Vec, turning: float, shape: Vec
 ) -> float:
-    """How fast a part comes closer to a shape of that velocity at most [m/s]: where it touches, or
-    anywhere within reach."""
+    """How fast a part of a body comes closer to a shape of that velocity at most [m/s].
+
+    Args:
+        point: of the part.
+        turning: speed that its turn adds at most, per rad/s [m].
+    """
     moving = rigid(motion, body)
     speed: float = -dot(sub(velocity_at(moving, point), shape), normal)
-    if gap > 0.0:
-        speed += norm(moving.spin) * reach
-    return speed
+    return speed + norm(moving.spin) * turning
+
+
+@inlined
+def turn_ahead(motion: Motion, body: int, reach: float, limits: Limits) -> float:
+    """What of its turn lets a part whose closest point is known come closer, per rad/s [m]: as it
+    turns on for ``Limits.ahead``, another point is the closest."""
+    spin: float = norm(rigid(motion, body).spin)
+    return min(reach, TURN * reach * spin * limits.ahead)
 
 
 @inlined
 def gap_of(
-    contact: Contact, surface: Surface, k: int, motion: Motion, i: int
+    limits: Limits, contact: Contact, surface: Surface, k: int, motion: Motion, i: int
 ) -> tuple[float, float]:
     """Gap of ellipsoid i to shape k, or less [m], and how fast it closes at most [m/s]."""
-    center = center_of(contact, motion, i)
+    center, body = center_of(contact, motion, i), contact.body[i]
     distance, nx, ny, nz, _ = signed_distance(surface, k, center[0], center[1], center[2])
-    reach = contact.reach[i]
-    gap, point, normal = distance - reach, center, (nx, ny, nz)
+    reach, shape = contact.reach[i], row(surface.velocity, k)
+    gap = distance - reach
     if gap > FARTHEST:
         return gap, 0.0
-    if gap < 0.0:
-        depth, point, normal = touch(contact, surface, k, motion, i)
-        gap = -depth
-        if gap > 0.0:
-            point = center
-    shape = row(surface.velocity, k)
-    return gap, closing(motion, contact.body[i], point, normal, reach, gap, shape)
+    if gap > NEAR:
+        return gap, closing(motion, body, center, (nx, ny, nz), reach, shape)
+    depth, point, normal = touch(contact, surface, k, motion, i)
+    turning = turn_ahead(motion, body, reach, limits) if depth < 0.0 else 0.0
+    return -depth, closing(motion, body, point, normal, turning, shape)
 
 
 @inlined
 def liner_gap(
-    liner: CrushingLiner, surface: Surface, k: int, motion: Motion
+    limits: Limits, liner: CrushingLiner, surface: Surface, k: int, motion: Motion
 ) -> tuple[float, float]:
     """The same of a foam helmet."""
     body = liner.helmet
@@ -133,19 +143,19 @@ def liner_gap(
     center = add(row(motion.position, body), turned(turn, liner.center))
     distance, nx, ny, nz, _ = signed_distance(surface, k, center[0], center[1], center[2])
     ax, ay, az = liner.semi_axes
-    reach = max(ax, ay, az)
+    reach, shape = max(ax, ay, az), row(surface.velocity, k)
     slack = SLACK if liner.measured else 0.0
-    gap, point, normal = distance - reach - slack, center, (nx, ny, nz)
+    gap = distance - reach - slack
     if gap > FARTHEST:
         return gap, 0.0
-    if gap < 0.0:
-        depth, deepest, normal = deepest_point(
-            surface, k, center, motion.rotation[body], liner.semi_axes, liner.direction[k]
-        )
-        gap = -depth - slack
-        if gap <= 0.0:
-            point = deepest
-    return gap, closing(motion, body, point, normal, reach, gap, row(surface.velocity, k))
+    if gap > NEAR:
+        return gap, closing(motion, body, center, (nx, ny, nz), reach, shape)
+    depth, point, normal = deepest_point(
+        surface, k, center, motion.rotation[body], liner.semi_axes, liner.direction[k]
+    )
+    gap = -depth - slack
+    turning = turn_ahead(motion, body, reach, limits) if gap > 0.0 else 0.0
+    return gap, closing(motion, body, point, normal, turning, shape)
 
 
 @inlined
@@ -216,7 +226,7 @@ def wanted(
     foam = len(liner.columns.area) > 0
     for k in range(len(surface.kind)):
         for i in range(len(contact.body)):
-            gap, speed = gap_of(contact, surface, k, motion, i)
+            gap, speed = gap_of(limits, contact, surface, k, motion, i)
             if gap > FARTHEST:
                 continue
             if pace.head[i]:
@@ -226,7 +236,7 @@ def wanted(
             else:
                 body = min(body, body_step(limits, contact, i, gap, speed, body))
         if foam:
-            gap, speed = liner_gap(liner, surface, k, motion)
+            gap, speed = liner_gap(limits, liner, surface, k, motion)
             if gap <= FARTHEST:
                 step = min(step, head_step(pace, gap, speed, step))
     if step <= pace.fine:
