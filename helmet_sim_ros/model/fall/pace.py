@@ -17,7 +17,7 @@ from helmet_sim_ros.model.compiled import compiled, inlined
 from helmet_sim_ros.model.force.bodies import Motion, rigid, velocity_at
 from helmet_sim_ros.model.force.contact import Contact, center_of, touch
 from helmet_sim_ros.model.force.liner import CrushingLiner
-from helmet_sim_ros.model.force.tissue import FAST, elastic_force
+from helmet_sim_ros.model.force.tissue import FAST, elastic_force, resolving_step
 from helmet_sim_ros.model.force.vector import Vec, add, dot, matrix, norm, row, sub, turned
 from helmet_sim_ros.model.surface.compiled import Surface
 from helmet_sim_ros.model.surface.deepest import deepest_point
@@ -39,7 +39,7 @@ class Limits(NamedTuple):
         free: longest step before a strike of the head [s]; ``calm``: after one, with what it loaded
             held [s]; ``lying``: with a bare head or the shell of a spring helmet on what it struck,
             a contact much stiffer than foam and tissue [s].
-        body: shortest step that the body asks for [s].
+        body: shortest step that the body asks for [s], but for tissue pressed fast or to its end.
         depth_share: of a tissue's thickness, that a step may press [-].
         speed_change: of what is pressed in a step [m/s]; ``turn_change``: of a joint [rad/s].
         ahead: time before a touch of the head from which on steps are fine [s].
@@ -185,14 +185,16 @@ def body_step(
 ) -> float:
     """The step that ellipsoid i of the body asks for [s]."""
     thickness = contact.thickness[i]
-    fast = max(limits.body, limits.depth_share * thickness / max(abs(speed), 1e-6))
+    fast = limits.depth_share * thickness / max(abs(speed), 1e-6)
     if gap > 0.0:
         if speed <= 0.0:
             return longest
         return min(longest, float(max(fast, 0.7 * gap / speed)))
-    force = FAST * elastic_force(contact.stiffness[i], thickness, contact.straight[i], -gap)
-    slowed = max(limits.body, limits.speed_change * contact.mass[i] / max(force, 1e-6))
-    return float(min(longest, limits.calm, fast, slowed))
+    stiffness, straight, mass = contact.stiffness[i], contact.straight[i], contact.mass[i]
+    force = FAST * elastic_force(stiffness, thickness, straight, -gap)
+    slowed = max(limits.body, limits.speed_change * mass / max(force, 1e-6))
+    resolved = resolving_step(stiffness, thickness, straight, -gap, mass)
+    return float(min(longest, limits.calm, fast, slowed, resolved))
 
 
 @compiled
