@@ -50,16 +50,16 @@ class Limits(NamedTuple):
         quick: speed between head and shell from which on long steps damp it [m/s, rad/s].
     """
 
-    free: float = 3.5e-4
+    free: float = 5e-4
     calm: float = 1e-3
     lying: float = 5e-4
     body: float = 1e-4
     depth_share: float = 0.04
     speed_change: float = 0.3
     turn_change: float = 4.0
-    ahead: float = 2e-3
-    after: float = 3e-3
-    quiet_force: float = 500.0
+    ahead: float = 1e-3
+    after: float = 1.5e-3
+    quiet_force: float = 1000.0
     quiet_speed: float = 1.0
     quick: float = 10.0
 
