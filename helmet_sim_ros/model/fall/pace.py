@@ -50,7 +50,7 @@ class Limits(NamedTuple):
         quick: speed between head and shell from which on long steps damp it [m/s, rad/s].
     """
 
-    free: float = 5e-4
+    free: float = 3.5e-4
     calm: float = 1e-3
     lying: float = 5e-4
     body: float = 1e-4

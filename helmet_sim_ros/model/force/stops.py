@@ -4,8 +4,8 @@ Beyond its range a joint meets a ligament that hardens, and hardly throws back.
 
 The torque beyond the limit by e is K e (1 + (e / e0)^2 + (e / e0)^4), damped as soft tissue is: it
 never pulls back into the stop, and the joint leaves it at 1 / ``DAMPING`` at most. Ligaments of
-joints are sized for what swings on them: K follows the inertia behind the joint. MuJoCo's own limits are
-constraints; while one is active a step costs half as much again.
+joints are sized for what swings on them: K follows the inertia behind the joint. MuJoCo's own
+limits are constraints; while one is active a step costs half as much again.
 
 Limbs also resist with a friction that holds them against a share of gravity: muscles of a conscious
 man are never slack. Dummies' limbs are set to hold against the whole of it (49 CFR 572, "1 g").
