@@ -153,9 +153,14 @@ class ImpactRecord:
         count = int((self.time[-1] - self.time[0]) / step + 1e-6) + 1
         time = self.time[0] + step * np.arange(count)
 
+        before = np.searchsorted(self.time, time, side="right") - 1
+        before = np.minimum(before, len(self) - 2)
+        share = ((time - self.time[before]) / (self.time[before + 1] - self.time[before]))[:, None]
+
         def at(samples: FloatArray) -> FloatArray:
-            columns = [np.interp(time, self.time, column) for column in samples.T]
-            return np.column_stack(columns) if columns else np.zeros((count, 0))
+            low = samples[before]
+            between: FloatArray = low + share * (samples[before + 1] - low)
+            return between
 
         arrays: dict[str, Any] = {name: at(getattr(self, name)) for name in CHANNELS}
         for name in ("head_orientation", "helmet_orientation"):

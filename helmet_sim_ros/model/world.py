@@ -451,7 +451,7 @@ def _ellipsoids(model: mujoco.MjModel, helmet: Helmet, scale: float, rest: AtRes
     same = np.ones(len(body))
     law = np.column_stack([
         stiffness, tissue.DAMPING * same, same, tissue.FRICTION * same, thickness,
-        tissue.straight_share(stiffness, mass), mass, tissue.RELAXATION * same,
+        tissue.straight_share(stiffness, mass, tissue.GROUND_STEP), mass, tissue.RELAXATION * same,
     ])  # fmt: skip
     if helmet.coupling != "foam":
         own = helmet.shell

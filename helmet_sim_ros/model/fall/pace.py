@@ -17,7 +17,7 @@ from helmet_sim_ros.model.compiled import compiled, inlined
 from helmet_sim_ros.model.force.bodies import Motion, rigid, velocity_at
 from helmet_sim_ros.model.force.contact import Contact, center_of, touch
 from helmet_sim_ros.model.force.liner import CrushingLiner
-from helmet_sim_ros.model.force.tissue import FAST, elastic_force
+from helmet_sim_ros.model.force.tissue import FAST, elastic_force, resolving_step
 from helmet_sim_ros.model.force.vector import Vec, add, dot, matrix, norm, row, sub, turned
 from helmet_sim_ros.model.surface.compiled import Surface
 from helmet_sim_ros.model.surface.deepest import deepest_point
@@ -27,6 +27,8 @@ SLACK = 0.01  # m, that a measured helmet may reach beyond its ellipsoid; choice
 TINY = 1e-9  # s, by which a step that no strike asks for is longer than a fine one
 CLOSE = 1e-3  # m, of a head to what it lies on, or rocks on
 FARTHEST = 0.12  # m, from which on nothing touches within a step: 100 m/s for 1 ms
+NEAR = 0.03  # m, of a part's sphere, from which on its closest point is looked for
+TURN = 2.0  # times the arc on which that point moves over a sphere; a choice, parts are not spheres
 
 
 class Limits(NamedTuple):
@@ -37,7 +39,7 @@ class Limits(NamedTuple):
         free: longest step before a strike of the head [s]; ``calm``: after one, with what it loaded
             held [s]; ``lying``: with a bare head or the shell of a spring helmet on what it struck,
             a contact much stiffer than foam and tissue [s].
-        body: shortest step that the body asks for [s].
+        body: shortest step that the body asks for [s], but for tissue pressed fast or to its end.
         depth_share: of a tissue's thickness, that a step may press [-].
         speed_change: of what is pressed in a step [m/s]; ``turn_change``: of a joint [rad/s].
         ahead: time before a touch of the head from which on steps are fine [s].
@@ -55,9 +57,9 @@ class Limits(NamedTuple):
     depth_share: float = 0.04
     speed_change: float = 0.3
     turn_change: float = 4.0
-    ahead: float = 2e-3
+    ahead: float = 1e-3
     after: float = 3e-3
-    quiet_force: float = 500.0
+    quiet_force: float = 1000.0
     quiet_speed: float = 1.0
     quick: float = 10.0
 
@@ -92,40 +94,48 @@ class Pace(NamedTuple):
 
 @inlined
 def closing(
-    motion: Motion, body: int, point: Vec, normal: Vec, reach: float, gap: float, shape: Vec
+    motion: Motion, body: int, point: Vec, normal: Vec, turning: float, shape: Vec
 ) -> float:
-    """How fast a part comes closer to a shape of that velocity at most [m/s]: where it touches, or
-    anywhere within reach."""
+    """How fast a part of a body comes closer to a shape of that velocity at most [m/s].
+
+    Args:
+        point: of the part.
+        turning: speed that its turn adds at most, per rad/s [m].
+    """
     moving = rigid(motion, body)
     speed: float = -dot(sub(velocity_at(moving, point), shape), normal)
-    if gap > 0.0:
-        speed += norm(moving.spin) * reach
-    return speed
+    return speed + norm(moving.spin) * turning
+
+
+@inlined
+def turn_ahead(motion: Motion, body: int, reach: float, limits: Limits) -> float:
+    """What of its turn lets a part whose closest point is known come closer, per rad/s [m]: as it
+    turns on for ``Limits.ahead``, another point is the closest."""
+    spin: float = norm(rigid(motion, body).spin)
+    return min(reach, TURN * reach * spin * limits.ahead)
 
 
 @inlined
 def gap_of(
-    contact: Contact, surface: Surface, k: int, motion: Motion, i: int
+    limits: Limits, contact: Contact, surface: Surface, k: int, motion: Motion, i: int
 ) -> tuple[float, float]:
     """Gap of ellipsoid i to shape k, or less [m], and how fast it closes at most [m/s]."""
-    center = center_of(contact, motion, i)
+    center, body = center_of(contact, motion, i), contact.body[i]
     distance, nx, ny, nz, _ = signed_distance(surface, k, center[0], center[1], center[2])
-    reach = contact.reach[i]
-    gap, point, normal = distance - reach, center, (nx, ny, nz)
+    reach, shape = contact.reach[i], row(surface.velocity, k)
+    gap = distance - reach
     if gap > FARTHEST:
         return gap, 0.0
-    if gap < 0.0:
-        depth, point, normal = touch(contact, surface, k, motion, i)
-        gap = -depth
-        if gap > 0.0:
-            point = center
-    shape = row(surface.velocity, k)
-    return gap, closing(motion, contact.body[i], point, normal, reach, gap, shape)
+    if gap > NEAR:
+        return gap, closing(motion, body, center, (nx, ny, nz), reach, shape)
+    depth, point, normal = touch(contact, surface, k, motion, i)
+    turning = turn_ahead(motion, body, reach, limits) if depth < 0.0 else 0.0
+    return -depth, closing(motion, body, point, normal, turning, shape)
 
 
 @inlined
 def liner_gap(
-    liner: CrushingLiner, surface: Surface, k: int, motion: Motion
+    limits: Limits, liner: CrushingLiner, surface: Surface, k: int, motion: Motion
 ) -> tuple[float, float]:
     """The same of a foam helmet."""
     body = liner.helmet
@@ -133,19 +143,19 @@ def liner_gap(
     center = add(row(motion.position, body), turned(turn, liner.center))
     distance, nx, ny, nz, _ = signed_distance(surface, k, center[0], center[1], center[2])
     ax, ay, az = liner.semi_axes
-    reach = max(ax, ay, az)
+    reach, shape = max(ax, ay, az), row(surface.velocity, k)
     slack = SLACK if liner.measured else 0.0
-    gap, point, normal = distance - reach - slack, center, (nx, ny, nz)
+    gap = distance - reach - slack
     if gap > FARTHEST:
         return gap, 0.0
-    if gap < 0.0:
-        depth, deepest, normal = deepest_point(
-            surface, k, center, motion.rotation[body], liner.semi_axes, liner.direction[k]
-        )
-        gap = -depth - slack
-        if gap <= 0.0:
-            point = deepest
-    return gap, closing(motion, body, point, normal, reach, gap, row(surface.velocity, k))
+    if gap > NEAR:
+        return gap, closing(motion, body, center, (nx, ny, nz), reach, shape)
+    depth, point, normal = deepest_point(
+        surface, k, center, motion.rotation[body], liner.semi_axes, liner.direction[k]
+    )
+    gap = -depth - slack
+    turning = turn_ahead(motion, body, reach, limits) if gap > 0.0 else 0.0
+    return gap, closing(motion, body, point, normal, turning, shape)
 
 
 @inlined
@@ -175,14 +185,16 @@ def body_step(
 ) -> float:
     """The step that ellipsoid i of the body asks for [s]."""
     thickness = contact.thickness[i]
-    fast = max(limits.body, limits.depth_share * thickness / max(abs(speed), 1e-6))
+    fast = limits.depth_share * thickness / max(abs(speed), 1e-6)
     if gap > 0.0:
         if speed <= 0.0:
             return longest
         return min(longest, float(max(fast, 0.7 * gap / speed)))
-    force = FAST * elastic_force(contact.stiffness[i], thickness, contact.straight[i], -gap)
-    slowed = max(limits.body, limits.speed_change * contact.mass[i] / max(force, 1e-6))
-    return float(min(longest, limits.calm, fast, slowed))
+    stiffness, straight, mass = contact.stiffness[i], contact.straight[i], contact.mass[i]
+    force = FAST * elastic_force(stiffness, thickness, straight, -gap)
+    slowed = max(limits.body, limits.speed_change * mass / max(force, 1e-6))
+    resolved = resolving_step(stiffness, thickness, straight, -gap, mass)
+    return float(min(longest, limits.calm, fast, slowed, resolved))
 
 
 @compiled
@@ -216,7 +228,7 @@ def wanted(
     foam = len(liner.columns.area) > 0
     for k in range(len(surface.kind)):
         for i in range(len(contact.body)):
-            gap, speed = gap_of(contact, surface, k, motion, i)
+            gap, speed = gap_of(limits, contact, surface, k, motion, i)
             if gap > FARTHEST:
                 continue
             if pace.head[i]:
@@ -226,7 +238,7 @@ def wanted(
             else:
                 body = min(body, body_step(limits, contact, i, gap, speed, body))
         if foam:
-            gap, speed = liner_gap(liner, surface, k, motion)
+            gap, speed = liner_gap(limits, liner, surface, k, motion)
             if gap <= FARTHEST:
                 step = min(step, head_step(pace, gap, speed, step))
     if step <= pace.fine:

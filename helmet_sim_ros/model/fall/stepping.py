@@ -34,6 +34,7 @@ from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.impact import Impact
 from helmet_sim_ros.model.loop import (
     WATCHED,
+    Engine,
     Forces,
     Rows,
     Simulation,
@@ -213,22 +214,25 @@ def length_of(force: FloatArray) -> float:
 
 
 @compiled
-def synchronise(simulation: Simulation, pace: Pace, log: Log, row: int, late: float) -> None:
-    """Velocities of a row at the time of its positions: those of a step are ``late`` [s] old. What
-    moves quickly between head and shell is left as it is. The energy of the row, if it is wanted.
-    """
-    engine, motion, _, forces, _ = simulation
-    qvel, kept = motion.qvel, log.rows.qvel[row]
-    for k in range(len(qvel)):
+def synchronise(engine: Engine, pace: Pace, kept: FloatArray, late: float) -> None:
+    """Velocities of a row, ``kept``, at the time of its positions: those of a step are ``late`` [s]
+    old. What moves quickly between head and shell is left as it is."""
+    for k in range(len(kept)):
         if pace.stiffness[k] == 0.0:
             kept[k] += late * engine.acceleration[k]
-    if len(log.energy):
-        swap(qvel, kept)
-        make_m(engine.model, engine.data)  # the step has added to it
-        _com_vel(engine.model, engine.data)
-        log.energy[row] = mechanical_energy(engine, forces, motion)
-        swap(qvel, kept)
-        _com_vel(engine.model, engine.data)
+
+
+@compiled
+def energy_of(simulation: Simulation, kept: FloatArray) -> float:
+    """Mechanical energy of a row with the velocities ``kept`` [J]; see :mod:`.model.energy`."""
+    engine, motion, _, forces, _ = simulation
+    swap(motion.qvel, kept)
+    make_m(engine.model, engine.data)  # the step has added to it
+    _com_vel(engine.model, engine.data)
+    energy: float = mechanical_energy(engine, forces, motion)
+    swap(motion.qvel, kept)
+    _com_vel(engine.model, engine.data)
+    return energy
 
 
 @inlined
@@ -341,7 +345,9 @@ def advance_fall(
             log.dense[row] = fine
             progress.due[0] = time[0] + pace.thin
             late = 0.5 * before if state == GROUND and before > pace.fine + TINY else 0.0
-            synchronise(simulation, pace, log, row, late)
+            synchronise(engine, pace, log.rows.qvel[row], late)
+            if len(log.energy):
+                log.energy[row] = energy_of(simulation, log.rows.qvel[row])
             row += 1
         move(simulation, step, kick, state)
         pieces = max(1, round(step / PIECE))

@@ -69,8 +69,8 @@ class Strike:
         struck: what is struck: the scene's name of the shape; ``shape``: its index there.
         point: where, world axes, (3,) [m]; ``normal``: outward there, (3,).
         state: of the rider in the last sample before the touch.
-        record: the samples of its own window, from that one on; its notes tell what helmet and neck
-            suffered there beyond what they have.
+        samples: of its own window, from that one on, at the steps of the fall; their notes tell
+            what helmet and neck suffered there beyond what they have.
     """
 
     time: float
@@ -84,7 +84,12 @@ class Strike:
     point: FloatArray = field(repr=False)
     normal: FloatArray = field(repr=False)
     state: State = field(repr=False)
-    record: ImpactRecord = field(repr=False)
+    samples: ImpactRecord = field(repr=False)
+
+    @cached_property
+    def record(self) -> ImpactRecord:
+        """The samples at one step throughout, as criteria need them, with their notes."""
+        return replace(self.samples.uniform(), extras=self.samples.extras)
 
     @cached_property
     def evaluation(self) -> Evaluation:
@@ -94,7 +99,7 @@ class Strike:
     @property
     def peak_acceleration(self) -> float:
         """Of the head's centre of gravity [m/s^2]."""
-        return float(np.linalg.norm(self.record.head_acceleration, axis=1).max())
+        return float(np.linalg.norm(self.samples.head_acceleration, axis=1).max())
 
     @property
     def speed(self) -> float:
@@ -119,9 +124,9 @@ class Strike:
                 "impact.normal_velocity", round(self.normal_velocity, 4),
                 "must be above 0: here the head rolls onto what it touches",
             )  # fmt: skip
-        values = dict(self.record.setup)
+        values = dict(self.samples.setup)
         kept = {k: v for k, v in values.items() if k.startswith(("rider.", "helmet.", "head."))}
-        window = float(self.record.time[-1] - self.record.time[0])
+        window = float(self.samples.time[-1] - self.samples.time[0])
         step = float(values["sim.time_step"])
         kept |= {
             "sim.time_step": step,
@@ -193,13 +198,13 @@ class HeadStrikes(tuple[Strike, ...]):
             f"{s.time:7.3f} s  {s.struck}: {s.normal_velocity:.1f} m/s into it, "
             f"{s.tangential_velocity:.1f} m/s along it, on {s.location.zone}, "
             f"{s.evaluation.peak_g.value:.0f} g"
-            + "".join(f"\n{' ' * 11}{n}" for n in s.record.notes)
+            + "".join(f"\n{' ' * 11}{n}" for n in s.samples.notes)
             for s in self
         ]
         return "\n".join(lines)
 
 
-def head_strikes(record: ImpactRecord) -> HeadStrikes:
+def head_strikes(record: ImpactRecord, setup: Fall | ImpactSetup | None = None) -> HeadStrikes:
     """Every contact of helmet or bare head in a fall, each judged over its own window.
 
     Contacts less than 10 ms apart are one strike. A fall without any is a result: an empty tuple,
@@ -207,6 +212,7 @@ def head_strikes(record: ImpactRecord) -> HeadStrikes:
 
     Args:
         record: of :func:`simulate`, or read from a log.
+        setup: that of the record, where it is at hand; otherwise it is made from the record's.
 
     Raises:
         SetupError: the record's setup is not that of a fall or impact of a rider.
@@ -220,8 +226,7 @@ def head_strikes(record: ImpactRecord) -> HeadStrikes:
     apart = np.flatnonzero(np.diff(record.time[touching]) > GAP)
     firsts = touching[np.concatenate([[0], apart + 1])]
     lasts = touching[np.concatenate([apart, [len(touching) - 1]])]
-    values = record.setup
-    setup = setup_or_fall(values)
+    setup = setup or setup_or_fall(record.setup)
     world = build(setup, setup.helmet_config)
     return HeadStrikes(
         _strike(record, setup, world, int(first), int(last))
@@ -353,4 +358,4 @@ def _window(record: ImpactRecord, first: int, last: int) -> ImpactRecord:
         record, time=record.time[cut], joint_positions=record.joint_positions[cut],
         joint_velocities=record.joint_velocities[cut], setup=record.setup,
         extras=MappingProxyType({}), **arrays,
-    ).uniform()  # fmt: skip
+    )  # fmt: skip

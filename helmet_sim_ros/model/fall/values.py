@@ -143,12 +143,12 @@ class FallValues(Config):
         """None: a rider has a head of his own."""
         return None
 
-    @property
+    @cached_property
     def posture(self) -> Posture:
         """How the rider sits, stands or walks at the start."""
         return load_posture(self.preset)
 
-    @property
+    @cached_property
     def posing(self) -> Posing:
         """Where the joints are at the start, where they rest and how stiff they are."""
         start = self.posture.angles()
@@ -163,7 +163,7 @@ class FallValues(Config):
         """The helmet with its overrides applied."""
         return overridden_helmet(self.helmet, self.overrides)
 
-    @property
+    @cached_property
     def surface(self) -> str:
         """The name of everything that surrounds the rider, as an impact's surface."""
         scene = load_scene(self.scene)
@@ -172,7 +172,7 @@ class FallValues(Config):
         drive = Drive(self.resolved_speed, self.traffic_speed, self.traffic_braking)
         return f"{SCENE}{self.scene}@{drive.text()}"
 
-    @property
+    @cached_property
     def surface_config(self) -> SurfaceConfig:
         """Everything that surrounds the rider."""
         return load_surface(self.surface)

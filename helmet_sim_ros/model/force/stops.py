@@ -2,10 +2,10 @@
 
 Beyond its range a joint meets a ligament that hardens, and hardly throws back.
 
-The torque beyond the limit by e is K e (1 + (e / e0)^2), damped as soft tissue is: it never pulls
-back into the stop, and the joint leaves it at 1 / ``DAMPING`` at most. Ligaments of joints are
-sized for what swings on them: K follows the inertia behind the joint. MuJoCo's own limits are
-constraints; while one is active a step costs half as much again.
+The torque beyond the limit by e is K e (1 + (e / e0)^2 + (e / e0)^4), damped as soft tissue is: it
+never pulls back into the stop, and the joint leaves it at 1 / ``DAMPING`` at most. Ligaments of
+joints are sized for what swings on them: K follows the inertia behind the joint. MuJoCo's own
+limits are constraints; while one is active a step costs half as much again.
 
 Limbs also resist with a friction that holds them against a share of gravity: muscles of a conscious
 man are never slack. Dummies' limbs are set to hold against the whole of it (49 CFR 572, "1 g").
@@ -27,7 +27,7 @@ from helmet_sim_ros.model.force.tissue import resisting
 from helmet_sim_ros.model.rest import AtRest
 
 STIFFENS = math.radians(4.0)  # e0; choice, as the neck's
-FREQUENCY = 250.0  # rad/s, of what hangs on a joint at its stop: 60 rad/s pass it by 0.14 rad
+FREQUENCY = 250.0  # rad/s, of what hangs on a joint at its stop: 110 rad/s pass it by 0.14 rad
 LEAST = 0.05  # kg m^2, of hand and foot: what they are part of turns, where they are held
 DAMPING = 0.5  # s/rad; choice
 HELD = 0.3  # of its weight, that a limb holds; choice
@@ -105,7 +105,8 @@ def apply(stops: Stops, step: float, motion: Motion, loads: Loads) -> None:
         excess = excess_of(stops, i, motion.qpos[stops.qpos[i]])
         if excess != 0.0:
             sense = 1.0 if excess > 0.0 else -1.0
-            elastic = stops.stiffness[i] * abs(excess) * (1.0 + (excess / STIFFENS) ** 2)
+            square = (excess / STIFFENS) ** 2
+            elastic = stops.stiffness[i] * abs(excess) * (1.0 + square + square * square)
             loads.generalised[dof] -= sense * resisting(
                 elastic, DAMPING, sense * speed, step, stops.inertia[i]
             )
@@ -116,7 +117,8 @@ def stored_energy(stops: Stops, qpos: FloatArray) -> float:
     """Elastic energy of stops and friction [J]."""
     energy = 0.0
     for i in range(len(stops.qpos)):
-        square = excess_of(stops, i, qpos[stops.qpos[i]]) ** 2
-        energy += stops.stiffness[i] * square * (0.5 + 0.25 * square / STIFFENS**2)
+        square = (excess_of(stops, i, qpos[stops.qpos[i]]) / STIFFENS) ** 2
+        work = square * (0.5 + square * (0.25 + square / 6.0))
+        energy += stops.stiffness[i] * STIFFENS**2 * work
         energy += 0.5 * stops.friction[i] / GIVES * stops.stick[i] ** 2
     return energy

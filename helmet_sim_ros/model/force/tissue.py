@@ -14,6 +14,7 @@ from helmet_sim_ros.model.compiled import inlined
 #: Fast over slow stiffness. Dynamic over static: 2.7 for the thorax (Lobdell et al. 1973, general),
 #: 1.4 for cervical joints (Voo et al. 1998); a choice between.
 FAST = 2.0
+RESOLVES = 0.7  # of the square root of mass over stiffness, that a step may be; choice
 
 
 @inlined
@@ -62,3 +63,14 @@ def resisting(elastic: float, damping: float, rate: float, step: float, mass: fl
     """
     eased = damping / (1.0 + damping * elastic * step / mass)
     return elastic * min(FAST, max(0.0, 1.0 + eased * rate))
+
+
+@inlined
+def resolving_step(
+    stiffness: float, thickness: float, straight: float, depth: float, mass: float
+) -> float:
+    """The step [s] that resolves tissue pressed by ``depth`` [m] in front of a mass [kg]; see
+    :func:`elastic_force`."""
+    softer = 1.0 - min(depth / thickness, straight)
+    longest: float = RESOLVES * softer * (mass / stiffness) ** 0.5
+    return longest

@@ -65,7 +65,7 @@ def self_contact(
     stiffness = 1.0 / (1.0 / soft[first] + 1.0 / soft[second])
     thickness = thick[first] + thick[second]
     mass = 1.0 / (1.0 / masses[first] + 1.0 / masses[second])
-    straight = tissue.straight_share(stiffness, mass)
+    straight = tissue.straight_share(stiffness, mass, tissue.SELF_STEP)
     return SelfContact(
         bodies, np.ascontiguousarray(ends[:, 0]), np.ascontiguousarray(ends[:, 1]), radius,
         semi_axes, reach, first, second, np.zeros(len(pairs)),

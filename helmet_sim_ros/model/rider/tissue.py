@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from helmet_sim_ros.biomech.record import FloatArray
+from helmet_sim_ros.model.force.tissue import RESOLVES
 
 
 class Region(NamedTuple):
@@ -43,9 +44,8 @@ REGIONS: dict[str, Region] = {
 DAMPING = 1.5  # s/m; choice: a body rebounds at 0.7 m/s at most, as falls on film show
 FRICTION = 0.5  # of clothing on a road; 0.4 to 0.7 in slides of riders (general literature value)
 RELAXATION = 2e-3  # s, damping over stiffness along the surface (choice: a body at rest is quiet)
-STRAIGHT = 0.97  # largest share of the thickness on the hardening law
-RESOLVED = 1e-4  # s; step that resolves the stiffest tissue
-SHARE = 0.7  # of the square root of mass over stiffness, that this step is
+STRAIGHT = 0.99  # largest share of the thickness on the hardening law
+GROUND_STEP, SELF_STEP = 5e-5, 1e-4  # s; that resolve the stiffest tissue on a surface, on another
 
 
 def region_of(name: str, scale: float) -> Region:
@@ -56,8 +56,8 @@ def region_of(name: str, scale: float) -> Region:
     raise KeyError(name)
 
 
-def straight_share(stiffness: FloatArray, mass: FloatArray) -> FloatArray:
+def straight_share(stiffness: FloatArray, mass: FloatArray, step: float) -> FloatArray:
     """Share of its thickness beyond which a tissue of a stiffness [N/m] in front of a mass [kg]
-    hardens no more."""
-    steepest = mass * (SHARE / RESOLVED) ** 2
+    hardens no more, so that steps of ``step`` [s] resolve it."""
+    steepest = mass * (RESOLVES / step) ** 2
     return np.minimum(STRAIGHT, 1.0 - np.sqrt(np.minimum(1.0, stiffness / steepest)))

@@ -93,7 +93,7 @@ def found_strikes(fall: LoggedImpact) -> HeadStrikes:
     try:
         known = replace(record, setup=setup_of(record)[0].described())
         return HeadStrikes(
-            replace(strike, record=replace(strike.record, setup=record.setup))
+            replace(strike, samples=replace(strike.samples, setup=record.setup))
             for strike in head_strikes(known)
         )
     except SetupError as error:

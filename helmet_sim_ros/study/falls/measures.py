@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 from helmet_sim_ros.biomech.record import ImpactRecord
+
+if TYPE_CHECKING:
+    from helmet_sim_ros.model.fall.setup import Fall
 
 #: Measures of the worst head strike (that with the highest peak acceleration of the head) of a
 #: fall, as columns of a study beside the criteria: unit and meaning.
@@ -26,7 +30,7 @@ STRIKE_MEASURES: Mapping[str, tuple[str, str]] = MappingProxyType(
 
 
 def judge_fall(
-    record: ImpactRecord, standard: str, criteria: Sequence[str]
+    record: ImpactRecord, standard: str, criteria: Sequence[str], setup: Fall | None = None
 ) -> tuple[str | None, tuple[float | None, ...]]:
     """Verdict and values of a fall: the wanted measures and criteria of its worst strike.
 
@@ -34,6 +38,7 @@ def judge_fall(
         record: of a fall.
         standard: limits of the verdict.
         criteria: names of measures and criteria.
+        setup: of the record, where it is at hand.
 
     Returns:
         The verdict, None without head contact; and the values in order, None where there is none.
@@ -41,7 +46,7 @@ def judge_fall(
     from helmet_sim_ros.biomech.evaluation import evaluate
     from helmet_sim_ros.model.fall.strikes import head_strikes
 
-    found = head_strikes(record)
+    found = head_strikes(record, setup)
     values: dict[str, float] = {"strikes": float(len(found))}
     worst = found.worst
     if worst is None:
