@@ -90,7 +90,7 @@ TESTS = {
     "cli/_logs.py": ["test_compare.py", "test_review_cli.py", "test_export.py"],
     "cli/": ["test_cli.py", "test_nodes_process.py", "test_scenario_node.py",
              "test_nodes_trust.py"],
-    "explore/": ["test_explore_session.py", "test_explore_nodes.py", "test_explore_page.py"],
+    "explore/": ["test_explore_session.py", "test_explore_stage.py", "test_explore_nodes.py", "test_explore_page.py"],
     "nodes/conversion.py": ["test_nodes_serialised.py", "test_nodes_simulation.py",
                             "test_nodes_recorder.py"],
     "nodes/diagnostics.py": ["test_log_falls.py", "test_review_cli.py", "test_nodes_simulation.py",
