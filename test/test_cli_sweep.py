@@ -112,7 +112,7 @@ def test_foreign_results_end_with_2(study, call, tmp_path):
 
 @pytest.mark.parametrize(("signum", "code"), [(signal.SIGKILL, -9), (signal.SIGINT, 1)])
 def test_a_sweep_that_is_ended_goes_on_where_it_was(study, tmp_path, signum, code):
-    total = 1024  # some seconds of work, so that the signal comes in the middle
+    total = 512  # a second or more of work, so that the signal comes in the middle
     path = study(count=total // 2)
     process = subprocess.Popen(
         [sys.executable, "-m", "helmet_sim_ros", "sweep", str(path), "--workers", "0"],
