@@ -63,7 +63,7 @@ TESTS = {
     "report/validation/": ["test_study_experiments.py", "test_study_foam.py",
                            "test_study_validation.py"],
     "report/": ["test_report_page.py", "test_export.py", "test_compare.py", "test_review_cli.py",
-                "test_replay.py", "test_log_falls.py"],
+                "test_replay.py", "test_log_falls.py", "test_log_helmet.py"],
     "cli/_certification.py": ["test_study_certify.py"],
     "cli/certify.py": ["test_study_certify.py"],
     "cli/_designs.py": ["test_cli_sweep.py", "test_study_optimise.py"],
