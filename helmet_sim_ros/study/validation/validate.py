@@ -12,7 +12,7 @@ from helmet_sim_ros.model.setup import ImpactSetup
 from helmet_sim_ros.model.simulate import simulate
 from helmet_sim_ros.study.identification.drop_tests import SimulatedDrop, simulated_drops
 from helmet_sim_ros.study.scenario.matrix import load_scenario
-from helmet_sim_ros.study.validation.case import CaseResult, run_case
+from helmet_sim_ros.study.validation.case import CaseResult, Varied, run_case, run_varied
 from helmet_sim_ros.study.validation.experiments import load_experiments
 from helmet_sim_ros.study.validation.findings import Finding, findings
 
@@ -67,7 +67,7 @@ class Validation:
     table: tuple[tuple[CaseResult, CaseResult], ...]
     paper: tuple[CaseResult, ...]
     refinement: tuple[Refinement, ...]
-    sensitivity: tuple[tuple[str, tuple[CaseResult, ...]], ...]
+    sensitivity: tuple[tuple[str, tuple[Varied, ...]], ...]
     experiments: tuple[Finding, ...]
 
 
@@ -100,10 +100,10 @@ def _pairs(scenario: str) -> tuple[tuple[CaseResult, CaseResult], ...]:
     return tuple(zip(*columns, strict=True))
 
 
-def _varied(changes: Mapping[str, object]) -> Iterable[CaseResult]:
+def _varied(changes: Mapping[str, object]) -> Iterable[Varied]:
     """Table 1 with the foam helmet and some values changed."""
     for case in load_scenario("oblique_table1", overrides={**FOAM, **changes}).cases:
-        yield run_case(case.name, case.impact, case.reference)
+        yield run_varied(case.name, case.impact, case.reference)
 
 
 def _refined(
