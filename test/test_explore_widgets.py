@@ -12,7 +12,7 @@ import pytest
 pytest.importorskip("viser", reason="the explorer needs the extra 'explore'")
 
 from helmet_sim_ros import ImpactSetup, evaluate, simulate
-from helmet_sim_ros.explore import markup
+from helmet_sim_ros.explore import markup, take
 from helmet_sim_ros.explore.curves import CHARTS, at_time, chart_data, limit_of
 from helmet_sim_ros.explore.page import Page
 from helmet_sim_ros.explore.replay import sample_at
@@ -131,6 +131,13 @@ def test_the_table_holds_every_criterion_once_with_limit_and_difference(impacts)
 )  # fmt: skip
 def test_a_difference_is_a_share_of_the_first(values, text):
     assert markup._difference(values) == text
+
+
+def test_a_description_is_shown_as_it_stands_and_not_as_markdown():
+    text = "speeds (m/s) * 2 # [a](b) `c` \\d _e_ <f> g!"
+    shown_as = take._plain(text)
+    assert re.sub(r"\\(.)", r"\1", shown_as) == text
+    assert all(shown_as[m.start() - 1] == "\\" for m in re.finditer(r"[*_`#<>\[\]()!]", shown_as))
 
 
 # the page
