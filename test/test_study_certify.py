@@ -18,6 +18,7 @@ from helmet_sim_ros.errors import SetupError
 from helmet_sim_ros.model.force.columns import columns, first_touch
 from helmet_sim_ros.model.headform import load_headform
 from helmet_sim_ros.model.helmet import Helmet, load_helmet
+from helmet_sim_ros.report.certification.page import certification_page
 from helmet_sim_ros.resources import share_directory
 from helmet_sim_ros.study import load_protocol, load_scenario
 from helmet_sim_ros.study.certification.campaign import (
@@ -424,3 +425,12 @@ def test_a_helmet_of_another_size_has_its_shape_and_turns_as_one_of_its_mass(oth
 
     assert shape(changed) == pytest.approx(shape(helmet))
     assert remade(helmet, own, own) == {}
+
+
+def test_the_page_begins_with_how_many_impacts_exceed_a_limit(small: Path) -> None:
+    soft = certify("fullface", small, workers=1)
+    assert not soft.failed
+    assert "all 2 impacts are within the limits" in certification_page(soft)
+    hard = certify("fullface", changed(small, "value: 6.0", "value: 12.0"), workers=1)
+    assert len(hard.failed) == 2
+    assert "2 of 2 impacts exceed a limit" in certification_page(hard)

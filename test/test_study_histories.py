@@ -140,6 +140,8 @@ def test_without_a_resultant_it_is_that_of_the_axes(tmp_path: Path) -> None:
     for number, (axis, share) in enumerate((("X", 2.0), ("Y", -3.0), ("Z", 6.0)), 1):
         isomme(tmp_path / f"T.00{number}", f"D0HEADCG00HEAC{axis}0", share * pulse)
     assert read_history(tmp_path)[1] == pytest.approx(7.0 * pulse / STANDARD_GRAVITY, abs=1e-6)
+    isomme(tmp_path / "T.002", "D0HEADCG00HEACYA", -3.0 * pulse)  # filtered alone: better than none
+    assert read_history(tmp_path)[1] == pytest.approx(7.0 * pulse / STANDARD_GRAVITY, abs=1e-6)
     (tmp_path / "T.002").unlink()
     with pytest.raises(SetupError, match="no channel of the head's acceleration"):
         read_history(tmp_path)
