@@ -26,6 +26,7 @@ from helmet_sim_ros.mcap_log.blocks import Assembler, Block, parse_block
 from helmet_sim_ros.mcap_log.records import MAGIC
 from helmet_sim_ros.mcap_log.recover import recover
 from helmet_sim_ros.mcap_log.seal import sealed, unsealed
+from helmet_sim_ros.model.rider.properties import Rider
 from helmet_sim_ros.model.setup import setup_from_names, setup_leaves
 from helmet_sim_ros.schema import Leaf
 from helmet_sim_ros.yaml_file import parse_yaml
@@ -148,6 +149,11 @@ def test_a_message_is_always_printable_and_keeps_what_is(text) -> None:
     if text.isprintable():
         assert shown == text
     assert str(SetupError.of(text, text, "must not be")).replace("\n", "").isprintable()
+
+
+def test_a_setup_shows_itself_by_what_differs_from_the_defaults() -> None:
+    assert repr(ImpactSetup()) == "ImpactSetup()" and repr(Rider()) == "Rider()"
+    assert repr(Rider(mass=80.0)) == "Rider(mass=80.0)"
 
 
 # blocks
