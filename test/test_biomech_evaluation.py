@@ -127,6 +127,11 @@ def test_a_record_at_its_shortest_step_turns_evenly_between_its_samples() -> Non
     assert uniform.head_orientation[:, 3] == pytest.approx(np.cos(expected), abs=1e-12)
 
 
+def test_a_uniform_record_is_its_own_uniform_form() -> None:
+    record = drop_record()
+    assert record.is_uniform and record.uniform() is record
+
+
 def test_a_head_that_hardly_moves_says_nothing_about_the_unit_of_its_acceleration() -> None:
     record = drop_record(peak_g=0.05)  # changes its velocity by 3 mm/s
     for factor in (G, 1.0 / G):

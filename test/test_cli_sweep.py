@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import re
 import signal
 import subprocess
 import sys
@@ -110,7 +112,7 @@ def test_foreign_results_end_with_2(study, call, tmp_path):
 
 @pytest.mark.parametrize(("signum", "code"), [(signal.SIGKILL, -9), (signal.SIGINT, 1)])
 def test_a_sweep_that_is_ended_goes_on_where_it_was(study, tmp_path, signum, code):
-    total = 1024  # some seconds of work, so that the signal comes in the middle
+    total = 512  # a second or more of work, so that the signal comes in the middle
     path = study(count=total // 2)
     process = subprocess.Popen(
         [sys.executable, "-m", "helmet_sim_ros", "sweep", str(path), "--workers", "0"],
@@ -125,12 +127,49 @@ def test_a_sweep_that_is_ended_goes_on_where_it_was(study, tmp_path, signum, cod
     output, _ = process.communicate(timeout=60)
     assert process.returncode == code, output
     assert code < 0 or "the same command goes on" in output
+    assert "Traceback" not in output
     kept = sum(len(parquet.read_table(part)) for part in rows.glob("*.parquet"))
     assert 0 < kept < total
     result = sweep(path, tmp_path / "mine.results", workers=0)
     assert result.computed == total - kept
     assert len(set(result.table["id"].to_pylist())) == total
     assert result.failed == 0
+
+
+def test_ctrl_c_of_a_terminal_ends_workers_and_sweep_with_one_line(study, tmp_path):
+    path = study(count=8192)
+    process = subprocess.Popen(
+        [sys.executable, "-m", "helmet_sim_ros", "sweep", str(path), "--workers", "1"],
+        cwd=tmp_path, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        start_new_session=True,
+    )  # fmt: skip
+    rows = tmp_path / "mine.results" / "rows"
+    deadline = time.monotonic() + 120.0
+    while not list(rows.glob("*.parquet")):
+        assert process.poll() is None and time.monotonic() < deadline
+        time.sleep(0.02)  # another process writes them: nothing tells of it
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to workers, too
+    output, _ = process.communicate(timeout=60)
+    assert process.returncode == 1, output
+    assert re.search(r"\d+ of 16384 impacts are kept in mine.results, the same command", output)
+    assert len([line for line in output.splitlines() if line.strip()]) == 3, output
+    with pytest.raises(ProcessLookupError):  # the last of them end when the first is gone
+        while time.monotonic() < deadline:
+            os.killpg(process.pid, 0)
+            time.sleep(0.02)
+
+
+def test_what_a_helmet_suffered_is_told_with_the_number_of_impacts(study, call, tmp_path):
+    text = """
+    common: {impact.rig: headform, helmet: {name: fullface, coupling: foam}, sim.duration: 0.02}
+    product: {impact.normal_velocity: [3.0, 14.0, 15.0]}
+    """
+    code, output = call("sweep", study(text), "--workers", 0)
+    assert code == 0, output
+    assert "2 of 3 impacts have notes" in output
+    assert "  2: the liner is crushed by … % at (…, …, …) mm, more than foam has" in output
+    rows = parquet.read_table(tmp_path / "mine.results" / "results.parquet")["notes"].to_pylist()
+    assert [len(notes) for notes in rows] == [0, 1, 1]
 
 
 def test_the_worst_impacts_are_a_log_that_review_reads(study, call, tmp_path):

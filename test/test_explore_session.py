@@ -423,6 +423,14 @@ def test_meshes_are_closed_and_have_the_volume_of_their_shape(mesh, volume):
     assert found == pytest.approx(volume, rel=0.05)
 
 
+def test_a_part_of_a_trunk_has_its_semi_axes_and_is_fuller_than_its_ellipsoid():
+    axes = (0.2, 0.1, 0.3)
+    inner, outer = meshes.ellipsoid(axes), meshes.rounded(axes)
+    assert ((inner.vertices / axes) ** 2).sum(axis=1) == pytest.approx(1.0)
+    assert np.abs(outer.vertices).max(axis=0) == pytest.approx(axes, rel=0.02)
+    assert ((outer.vertices / axes) ** 2).sum(axis=1).min() > 1.0 - 1e-9
+
+
 @pytest.mark.parametrize(("name", "visor"), [("fullface", True), ("bicycle", False)])
 def test_a_helmet_is_drawn_within_its_shell_with_an_opening_to_the_front(name, visor):
     helmet = load_helmet(name)

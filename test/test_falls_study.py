@@ -66,6 +66,19 @@ def test_a_study_of_falls_has_columns_for_strikes(tmp_path):
     assert summary.falls == 2 and summary.struck == sum(n > 0 for n in table["strikes"])
 
 
+def test_a_sweep_calls_falls_falls_and_tells_what_was_suffered_in_them(tmp_path):
+    path = tmp_path / "few.yaml"
+    hard = {"fall.preset": "motorcycle", "fall.scene": "wall", "sim.duration": 0.12}
+    text = {"common": hard, "product": {"fall.speed": [40.0]}, "criteria": ["peak_g"]}
+    path.write_text(yaml.safe_dump(text), encoding="utf-8")
+    words = ["sweep", str(path), "--workers", "0", "--output", str(tmp_path / "out")]
+    done = CliRunner().invoke(main, words)
+    assert done.exit_code == 0, done.output
+    assert "few: 1 falls" in done.output and "1 of 1 falls evaluated" in done.output
+    assert "  1: the coupling spring was compressed by … mm" in done.output
+    assert "impact" not in done.output
+
+
 def test_a_sweep_writes_the_strikes_of_falls_at_even_steps_through_the_ranks(tmp_path):
     path, out = tmp_path / "few.yaml", tmp_path / "out"
     speeds = [8.0, 3.0, 5.0, 6.0]

@@ -120,17 +120,18 @@ def test_every_edge_that_pierces_a_triangle_is_found(seed: int) -> None:
     mesh = ellipsoid(OUTER, 3)
     mesh.vertices += rng.normal(0.0, 0.01, mesh.vertices.shape)
     corner, normal = mesh.triangles[:, 0], mesh.face_normals
+    away = mesh.vertices @ normal.T - (corner * normal).sum(axis=1)  # each vertex of each plane
     pierced = set()
     for edge in mesh.edges_unique:
         a, b = mesh.vertices[edge]
-        before, after = (((p - corner) * normal).sum(axis=1) for p in (a, b))
+        before, after = away[edge]
         through = (before * after < 0.0) & (np.minimum(abs(before), abs(after)) > DEPTH)
-        through &= ~np.isin(mesh.faces, edge).any(axis=1)
-        for face in np.flatnonzero(through):
-            place = a + before[face] / (before[face] - after[face]) * (b - a)
-            inside = trimesh.triangles.points_to_barycentric(mesh.triangles[[face]], [place])
-            if inside.min() > 0.0:
-                pierced.add((face, *np.round(place, 9)))
+        faces = np.flatnonzero(through & ~np.isin(mesh.faces, edge).any(axis=1))
+        share = before[faces] / (before[faces] - after[faces])
+        places = a + share[:, None] * (b - a)
+        inside = trimesh.triangles.points_to_barycentric(mesh.triangles[faces], places)
+        hit = inside.min(axis=1) > 0.0
+        pierced |= {(f, *np.round(p, 9)) for f, p in zip(faces[hit], places[hit], strict=True)}
     found = crossings(mesh)
     assert len(pierced) > 50
     assert {(face, *np.round(p, 9)) for face, p in zip(found.other, found.place, strict=True)} == (

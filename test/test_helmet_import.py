@@ -19,6 +19,7 @@ from helmet_meshes import (
 )
 
 from helmet_sim_ros.biomech.evaluation import Evaluation, evaluate
+from helmet_sim_ros.errors import SetupError
 from helmet_sim_ros.model.force.columns import columns, first_touch
 from helmet_sim_ros.model.helmet import Helmet, load_helmet
 from helmet_sim_ros.model.setup import ImpactSetup
@@ -125,6 +126,24 @@ def test_the_cells_have_the_area_and_thickness_of_the_meshes(tmp_path: Path) -> 
     assert cells.thickness == pytest.approx(0.044, rel=0.01)
     assert helmet.shell.semi_axes == pytest.approx(OUTER, rel=1e-3)
     assert any("closed" in note for note in notes)
+
+
+def test_a_mass_that_shell_and_liner_cannot_have_is_refused_with_what_they_can(
+    tmp_path: Path,
+) -> None:
+    shell = written(ellipsoid(OUTER, 3), tmp_path / "s.stl")
+
+    def mass(**plan: float) -> float:
+        result = import_helmet(shell, None, ImportPlan(thickness=0.044, columns=100, **plan))
+        return float(result.values["mass"])  # type: ignore[arg-type]
+
+    parts = mass()
+    assert mass(mass=1.99 * parts) == pytest.approx(1.99 * parts)
+    for share in (0.14, 0.49, 2.01):
+        with pytest.raises(SetupError, match=f"from {0.5 * parts:.2f} to {2 * parts:.2f} kg"):
+            mass(mass=share * parts)
+    # With the shell's own mass per area it is taken.
+    assert mass(mass=0.3 * parts, areal_density=0.5) == pytest.approx(0.3 * parts)
 
 
 @pytest.mark.parametrize("depth", [0.005, 0.015, 0.03])

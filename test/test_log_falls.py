@@ -17,6 +17,7 @@ from rclpy.serialization import serialize_message
 
 from helmet_sim_ros import Fall, ImpactSetup, head_strikes, open_log, simulate
 from helmet_sim_ros.biomech.record import DENSE, SHELL, same_samples, to_block
+from helmet_sim_ros.biomech.result import Evaluation
 from helmet_sim_ros.cli import main
 from helmet_sim_ros.errors import IncompleteError, LogError
 from helmet_sim_ros.mcap_log.blocks import Assembled, Assembler, Block, parse_block
@@ -181,6 +182,20 @@ def test_review_compares_strikes_and_notices_a_wrong_one(path, tmp_path, record,
     assert result.exit_code == 1 and "strike 1 struck: logged 'bonnet'" in result.output
     told = json.loads(CliRunner().invoke(main, ["review", "--json", str(path)]).output)
     assert [len(fall["strikes"]) for fall in told["falls"]] == [len(strikes), 0]
+
+
+def test_review_notices_a_criterion_of_a_strike_that_the_samples_do_not_give(tmp_path, strikes):
+    data = strikes[0].evaluation.as_dict()
+    data["criteria"]["peak_g"]["value"] *= 1.5
+    wrong = [replace(strikes[0], evaluation=Evaluation.from_dict(data)), *strikes[1:]]
+    log = session(tmp_path / "wrong.mcap")
+    write(log, STRUCK, wrong, "struck")
+    log.close()
+    (fall,) = reviewed(open_log(tmp_path / "wrong.mcap"))
+    assert isinstance(fall, ReviewedFall) and fall.check == "DIFFERS"
+    differing = [[d.criterion for d in strike.differences] for strike in fall.strikes]
+    assert differing == [["peak_g"], *[[]] * (len(strikes) - 1)]
+    assert all(strike.has_logged for strike in fall.strikes)
 
 
 def test_the_report_shows_falls_with_their_strikes(path, strikes):

@@ -7,14 +7,19 @@ import shutil
 import subprocess
 import sys
 import time
+from itertools import product
 from pathlib import Path
 
+import numba
 import numpy as np
 import pytest
 from numba.core.errors import NumbaError
 
 from helmet_sim_ros.model import compiled
 from helmet_sim_ros.model.compiled import SOURCES, cache_folder, source_digest
+from helmet_sim_ros.model.fall.setup import Fall
+from helmet_sim_ros.model.setup import ImpactSetup
+from helmet_sim_ros.model.simulate import begun
 
 
 @pytest.fixture
@@ -202,3 +207,17 @@ def test_compiled_code_that_makes_an_array_is_refused() -> None:
     with pytest.raises(NumbaError, match="zeros"):
         compiled.compiled(total)(3)
     assert compiled.allocating(sum_of)(3) == 0.0
+
+
+def test_every_rig_and_helmet_runs_the_same_machine_code() -> None:
+    """An array that lies in memory in another order would have the whole loop compiled again."""
+
+    def kind(setup: ImpactSetup | Fall) -> object:
+        return numba.typeof(begun(setup)._simulation)
+
+    rider = kind(ImpactSetup())
+    for rig, coupling in product(("headform", "rider", "monorail"), ("spring", "foam")):
+        setup = ImpactSetup(rig=rig, overrides={"helmet.coupling": coupling})
+        assert kind(setup) == rider, (rig, coupling)
+    assert kind(ImpactSetup(rig="headform", helmet="none")) == rider
+    assert kind(Fall()) == rider

@@ -3,7 +3,6 @@
 import math
 
 import mujoco
-import numba
 import numpy as np
 import pytest
 from scipy.integrate import cumulative_trapezoid
@@ -13,18 +12,15 @@ from helmet_sim_ros.biomech import hic
 from helmet_sim_ros.biomech.record import ImpactRecord, from_block, same_samples
 from helmet_sim_ros.errors import DivergedError
 from helmet_sim_ros.model.balance import balance
-from helmet_sim_ros.model.force import shell, spring
+from helmet_sim_ros.model.fall.stepping import apply_forces
+from helmet_sim_ros.model.force import spring
 from helmet_sim_ros.model.force.bodies import (
     FORCE,
     HELMET,
-    Loads,
-    Motion,
-    clear,
     motion_of,
     no_loads,
 )
 from helmet_sim_ros.model.impact import Impact
-from helmet_sim_ros.model.loop import Forces, fast_forces, has_foam, slow_forces
 from helmet_sim_ros.model.setup import ImpactSetup
 from helmet_sim_ros.model.simulate import simulate
 
@@ -288,7 +284,7 @@ def test_the_loop_steps_like_mujoco(rig: str, form: str) -> None:
         assert data.qpos == pytest.approx(position, rel=1e-9, abs=1e-12)
         assert data.qvel == pytest.approx(velocity, rel=1e-8, abs=1e-9)
         mujoco.mj_step1(model, data)
-        apply_all(forces, setup.time_step, motion, loads)
+        apply_forces(forces, setup.time_step, motion, loads)
         data.qfrc_applied[:] = loads.generalised
         for body, wrench in enumerate(loads.wrenches):
             arm = data.subtree_com[1] - data.xipos[body]
@@ -302,15 +298,6 @@ def test_the_loop_steps_like_mujoco(rig: str, form: str) -> None:
         assert impact._rows.surface[i, HELMET, FORCE:3] == pytest.approx(
             loads.surface[HELMET, FORCE:3], rel=1e-7, abs=1e-6
         )
-
-
-@numba.njit
-def apply_all(forces: Forces, step: float, motion: Motion, loads: Loads) -> None:
-    """Every force of the model in the present state."""
-    clear(loads)
-    slow_forces(forces, step, motion, loads)
-    bends = shell.spreads(forces.shell, forces.surface)
-    fast_forces(forces, has_foam(forces), bends, step, motion, loads)
 
 
 def test_slices_give_the_same_samples_as_one_run() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 
@@ -12,13 +13,20 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 from helmet_sim_ros import ImpactSetup, evaluate, open_log, simulate
-from helmet_sim_ros.biomech.record import block_labels, same_samples, to_block
+from helmet_sim_ros.biomech.record import (
+    FloatArray,
+    ImpactRecord,
+    block_labels,
+    same_samples,
+    to_block,
+)
 from helmet_sim_ros.biomech.result import Evaluation
 from helmet_sim_ros.errors import HelmetSimError, IncompleteError, LogError, SetupError, printable
 from helmet_sim_ros.mcap_log.blocks import Assembler, Block, parse_block
 from helmet_sim_ros.mcap_log.records import MAGIC
 from helmet_sim_ros.mcap_log.recover import recover
 from helmet_sim_ros.mcap_log.seal import sealed, unsealed
+from helmet_sim_ros.model.rider.properties import Rider
 from helmet_sim_ros.model.setup import setup_from_names, setup_leaves
 from helmet_sim_ros.schema import Leaf
 from helmet_sim_ros.yaml_file import parse_yaml
@@ -38,9 +46,33 @@ trees = st.recursive(
     lambda inner: st.lists(inner, max_size=4) | st.dictionaries(texts, inner, max_size=4),
     max_leaves=12,
 )
-RECORD = simulate(ImpactSetup(duration=0.002, time_step=1e-4, rig="headform"))
-LABELS = tuple(block_labels(RECORD.joint_names))
-DATA = to_block(RECORD)
+SAMPLES = 21
+
+
+@cache
+def recorded() -> ImpactRecord:
+    """A short impact; at the first test that needs it, so that no process that only collects tests
+    waits for machine code."""
+    return simulate(ImpactSetup(duration=0.002, time_step=1e-4, rig="headform"))
+
+
+@cache
+def judged() -> Evaluation:
+    """Its criteria."""
+    return evaluate(recorded())
+
+
+@cache
+def labels() -> tuple[str, ...]:
+    """Of the columns of its samples."""
+    return tuple(block_labels(recorded().joint_names))
+
+
+@cache
+def samples() -> FloatArray:
+    """Its samples as one array."""
+    return to_block(recorded())
+
 
 # YAML
 
@@ -119,21 +151,26 @@ def test_a_message_is_always_printable_and_keeps_what_is(text) -> None:
     assert str(SetupError.of(text, text, "must not be")).replace("\n", "").isprintable()
 
 
+def test_a_setup_shows_itself_by_what_differs_from_the_defaults() -> None:
+    assert repr(ImpactSetup()) == "ImpactSetup()" and repr(Rider()) == "Rider()"
+    assert repr(Rider(mass=80.0)) == "Rider(mass=80.0)"
+
+
 # blocks
 
 
-@given(st.lists(st.integers(1, len(DATA) - 1), max_size=6, unique=True))
+@given(st.lists(st.integers(1, SAMPLES - 1), max_size=6, unique=True))
 @BOUNDED
 def test_however_the_samples_are_cut_they_come_together_bit_for_bit(cuts) -> None:
-    edges = [0, *sorted(cuts), len(DATA)]
+    edges = [0, *sorted(cuts), SAMPLES]
     assembler, ended = Assembler(), []
     for begin, end in pairwise(edges):
-        block = Block("a", begin, len(DATA), 1.0, LABELS, DATA[begin:end])
+        block = Block("a", begin, SAMPLES, 1.0, labels(), samples()[begin:end])
         ended += assembler.feed(
-            parse_block(block.header(), ",".join(LABELS), block.data.ravel().tolist())
+            parse_block(block.header(), ",".join(labels()), block.data.ravel().tolist())
         )
     (impact,) = ended
-    assert impact.record is not None and same_samples(impact.record, RECORD)
+    assert impact.record is not None and same_samples(impact.record, recorded())
 
 
 @given(st.lists(st.integers(0, 5), min_size=1, max_size=12))
@@ -141,7 +178,7 @@ def test_however_the_samples_are_cut_they_come_together_bit_for_bit(cuts) -> Non
 def test_impacts_that_mix_give_only_what_was_sent(order) -> None:
     """Two impacts of three blocks each, in any order, with repetitions."""
     blocks = [
-        Block(name, i, len(DATA), 1.0, LABELS, factor * DATA[i : i + 7])
+        Block(name, i, SAMPLES, 1.0, labels(), factor * samples()[i : i + 7])
         for name, factor in (("a", 1.0), ("b", 1.0 + 2**-30))
         for i in (0, 7, 14)
     ]
@@ -152,7 +189,7 @@ def test_impacts_that_mix_give_only_what_was_sent(order) -> None:
         assert (impact.record is None) == bool(impact.problem)
         if impact.record is not None:
             factor = 1.0 if impact.impact_id == "a" else 1.0 + 2**-30
-            assert np.array_equal(to_block(impact.record), factor * DATA)
+            assert np.array_equal(to_block(impact.record), factor * samples())
     complete = sum(impact.record is not None for impact in ended)
     text = "".join(map(str, order))
     assert complete <= text.count("012") + text.count("345")
@@ -173,8 +210,8 @@ def test_any_data_is_a_block_or_refused(header, labels, data) -> None:
 @given(st.data())
 @BOUNDED
 def test_a_result_with_any_other_value_is_read_or_refused(data) -> None:
-    good = evaluate(RECORD).as_dict()
-    assert Evaluation.from_dict(good) == evaluate(RECORD)
+    good = judged().as_dict()
+    assert Evaluation.from_dict(good) == judged()
     name = data.draw(st.sampled_from(sorted(good["criteria"])))
     target = data.draw(st.sampled_from(["whole", "criteria", "criterion"]))
     place = {"whole": good, "criteria": good["criteria"], "criterion": good["criteria"][name]}

@@ -167,3 +167,17 @@ def test_a_diverging_impact_says_so() -> None:
 def test_an_unknown_value_is_refused_by_name() -> None:
     with pytest.raises(SetupError, match=r"rates.*'fast'.*several.*single"):
         ImpactSetup(overrides={"sim.rates": "fast"})
+
+
+@pytest.mark.parametrize(("rates", "behind"), [("single", 0.5), ("several", 0.0)])
+def test_velocities_are_as_far_behind_positions_as_a_record_says(rates, behind):
+    impact = finished(impact_of(rates, rig="headform", duration=0.01))
+    record, step = impact.record(), impact.model.opt.timestep
+    path, speed = record.head_position[:, 2], record.head_velocity[:, 2]
+    acceleration = record.head_acceleration[1:-1, 2]
+    pulse = acceleration > 0.5 * acceleration.max()
+    central = (path[2:] - path[:-2]) / (
+        2.0 * impact.setup.time_step
+    )  # of the middle sample's instant
+    late = (central - speed[1:-1])[pulse] / acceleration[pulse]
+    assert np.median(late) == pytest.approx(behind * step, abs=0.01 * step)

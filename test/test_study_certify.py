@@ -17,7 +17,8 @@ from helmet_sim_ros.cli import main
 from helmet_sim_ros.errors import SetupError
 from helmet_sim_ros.model.force.columns import columns, first_touch
 from helmet_sim_ros.model.headform import load_headform
-from helmet_sim_ros.model.helmet import load_helmet
+from helmet_sim_ros.model.helmet import Helmet, load_helmet
+from helmet_sim_ros.report.certification.page import certification_page
 from helmet_sim_ros.resources import share_directory
 from helmet_sim_ros.study import load_protocol, load_scenario
 from helmet_sim_ros.study.certification.campaign import (
@@ -27,6 +28,7 @@ from helmet_sim_ros.study.certification.campaign import (
     make_campaign,
 )
 from helmet_sim_ros.study.certification.certify import Certification
+from helmet_sim_ros.study.certification.sizes import remade
 
 PROTOCOLS = sorted(p.stem for p in (share_directory() / "config" / "protocols").glob("*.yaml"))
 #: Two drops of a protocol of our own: quick.
@@ -406,3 +408,29 @@ def test_only_blows_near_an_edge_differ_from_those_on_the_whole_ellipsoid() -> N
 
     assert peak("fullface_chin", 45.0) == pytest.approx(peak("fullface", 45.0), rel=0.03)
     assert peak("fullface_chin", 20.0) < 0.85 * peak("fullface", 20.0)  # above the port
+
+
+@pytest.mark.parametrize("other", ["en960_e", "en960_o"])
+def test_a_helmet_of_another_size_has_its_shape_and_turns_as_one_of_its_mass(other: str) -> None:
+    helmet, own = load_helmet("fullface"), "en960_j"
+    changed = helmet.replaced(remade(helmet, own, other))
+    around = [load_headform(name).circumference.value for name in (own, other)]
+    growth = np.subtract(changed.shell.semi_axes, helmet.shell.semi_axes)
+    assert 2.0 * np.pi * growth == pytest.approx(np.full(3, around[1] - around[0]))
+    assert (changed.mass > helmet.mass) == (around[1] > around[0])
+
+    def shape(of: Helmet) -> np.ndarray:
+        """Moments of inertia over mass and size squared [-]."""
+        return np.array(of.inertia) / (of.mass * np.mean(of.shell.semi_axes) ** 2)
+
+    assert shape(changed) == pytest.approx(shape(helmet))
+    assert remade(helmet, own, own) == {}
+
+
+def test_the_page_begins_with_how_many_impacts_exceed_a_limit(small: Path) -> None:
+    soft = certify("fullface", small, workers=1)
+    assert not soft.failed
+    assert "all 2 impacts are within the limits" in certification_page(soft)
+    hard = certify("fullface", changed(small, "value: 6.0", "value: 12.0"), workers=1)
+    assert len(hard.failed) == 2
+    assert "2 of 2 impacts exceed a limit" in certification_page(hard)

@@ -115,6 +115,38 @@ def test_histories_in_isomme_are_read(tmp_path: Path) -> None:
         read_history(tmp_path / "T1")
 
 
+def isomme(path: Path, code: str, values: np.ndarray) -> None:
+    """One channel [m/s^2], samples of 0.1 ms."""
+    head = [f"Channel code                :{code}", "Unit                        :m/(s*s)",
+            "Sampling interval           :0.0001"]  # fmt: skip
+    path.write_text("\n".join([*head, *(f"{value:.6f}" for value in values)]))
+
+
+@pytest.mark.parametrize("order", [("0", "A", "C"), ("A", "0", "C"), ("A", "C", "0")])
+def test_of_a_channel_that_is_filtered_several_ways_the_unfiltered_is_read(
+    tmp_path: Path, order: tuple[str, ...]
+) -> None:
+    pulse = 1000.0 * np.sin(np.linspace(0.0, np.pi, 50))
+    for number, filtered in enumerate(order, 1):
+        values = pulse if filtered == "0" else 0.8 * pulse
+        isomme(tmp_path / f"T.00{number}", f"D0HEADCG00HEACR{filtered}", values)
+    time, read = read_history(tmp_path)
+    assert time == pytest.approx(1e-4 * np.arange(50))
+    assert read == pytest.approx(pulse / STANDARD_GRAVITY, abs=1e-6)
+
+
+def test_without_a_resultant_it_is_that_of_the_axes(tmp_path: Path) -> None:
+    pulse = 100.0 * np.sin(np.linspace(0.0, np.pi, 50))
+    for number, (axis, share) in enumerate((("X", 2.0), ("Y", -3.0), ("Z", 6.0)), 1):
+        isomme(tmp_path / f"T.00{number}", f"D0HEADCG00HEAC{axis}0", share * pulse)
+    assert read_history(tmp_path)[1] == pytest.approx(7.0 * pulse / STANDARD_GRAVITY, abs=1e-6)
+    isomme(tmp_path / "T.002", "D0HEADCG00HEACYA", -3.0 * pulse)  # filtered alone: better than none
+    assert read_history(tmp_path)[1] == pytest.approx(7.0 * pulse / STANDARD_GRAVITY, abs=1e-6)
+    (tmp_path / "T.002").unlink()
+    with pytest.raises(SetupError, match="no channel of the head's acceleration"):
+        read_history(tmp_path)
+
+
 @pytest.mark.parametrize(
     ("text", "named"),
     [

@@ -92,6 +92,19 @@ def test_parquet_and_csv_hold_the_same_numbers_exactly(study, tmp_path):
     assert result.table.equals(parquet.read_table(tmp_path / "out" / "results.parquet"))
 
 
+def test_a_row_has_the_notes_of_its_evaluation(study, tmp_path):
+    fast = SHORT.replace("0.008", "0.02") + ", helmet: {name: fullface, coupling: foam}"
+    plan = study(f"common: {{{fast}}}\nproduct: {{impact.normal_velocity: [3.0, 14.0]}}")
+    result = sweep(plan, tmp_path / "out", workers=0)
+    expected = [evaluate(simulate(setup_from_names(row.values))).warnings for row in plan.rows()]
+    assert result.table["notes"].to_pylist() == [list(notes) for notes in expected]
+    assert not expected[0] and "the liner is crushed" in expected[1][0]
+    [(kind, count)] = result.notes.items()
+    assert count == 1 and kind.startswith("the liner is crushed by … % at (…, …, …) mm")
+    csv = (tmp_path / "out" / "results.csv").read_text(encoding="utf-8")
+    assert expected[1][0] in csv and "[" not in csv
+
+
 def test_an_interrupted_sweep_goes_on_without_repeating_or_losing_a_row(study, tmp_path):
     whole = sweep(study(), tmp_path / "whole", workers=0)
     out = tmp_path / "out"

@@ -58,6 +58,10 @@ class ImpactRecord:
     Axes: *world* has z up and the ground at z = 0; *head* has its origin at the head's centre of
     gravity, x forward, y left, z up.
 
+    Velocities, also those of the joints, are those of the integration step that led to the
+    positions: half a step behind them, 25 us at most. With ``sim.rates: several`` they are of the
+    same instant.
+
     Attributes:
         time: shape (n,) [s], uniform, 0 at the first touch of the ground; of a fall from its start
             on and at steps that follow what happens, see ``DENSE``.

@@ -20,22 +20,36 @@ def report(result: SweepResult, console: Console) -> None:
     """Print estimates, failures and where the results are."""
     if result.study.file.percentiles is not None:
         found = convergence(result.table, result.study.file.percentiles)
-        print_table(console, estimate_table(found))
+        print_table(console, estimate_table(found, result.study.unit))
         for last in (series[-1] for series in found if not converged(series)):
             text = f"{last.criterion}, {last.percent:g} %: not converged with {last.draws} draws"
             console.print(text, style="yellow")
     if "strikes" in result.study.criteria:
         report_falls(result, console)
+    report_notes(result, console)
+    unit = result.study.unit
     errors = [(row["index"], row["error"]) for row in _failed(result)]
     for index, error in errors[:10]:
-        console.print(f"impact {index}: {error}", style="red", markup=False, soft_wrap=True)
+        console.print(f"{unit[:-1]} {index}: {error}", style="red", markup=False, soft_wrap=True)
     if len(errors) > 10:
         console.print(f"... and {len(errors) - 10} more, see column error", style="red")
     console.print(
-        f"{len(result.study) - result.failed} of {len(result.study)} impacts evaluated, "
+        f"{len(result.study) - result.failed} of {len(result.study)} {unit} evaluated, "
         f"{result.computed} of them computed now"
     )
     console.print(f"results: {result.folder}/results.parquet, results.csv", soft_wrap=True)
+
+
+def report_notes(result: SweepResult, console: Console) -> None:
+    """Print how many rows have notes, and of which kinds."""
+    notes = result.table["notes"].to_pylist()
+    noted = sum(map(bool, notes))
+    if not noted:
+        return
+    unit = result.study.unit
+    console.print(f"{noted} of {len(notes)} {unit} have notes, see column notes:", style="yellow")
+    for kind, count in result.notes.items():
+        console.print(f"  {count}: {kind}", style="yellow", markup=False, soft_wrap=True)
 
 
 def report_falls(result: SweepResult, console: Console) -> None:
@@ -76,15 +90,19 @@ def falls_table(summary: Summary) -> Table:
     return table
 
 
-def estimate_table(found: Sequence[Sequence[Estimate]]) -> Table:
-    """One line per estimate and number of draws."""
+def estimate_table(found: Sequence[Sequence[Estimate]], unit: str) -> Table:
+    """One line per estimate and number of draws.
+
+    Args:
+        unit: what the rows of the study are, ``impacts`` or ``falls``.
+    """
     table = Table(
         title="Percentiles with 95 % bootstrap interval, for growing numbers of draws",
         box=box.SIMPLE_HEAD, title_justify="left", pad_edge=False,
     )  # fmt: skip
     for header in ("group", "criterion"):
         table.add_column(header)
-    for header in ("percentile", "draws", "impacts", "value", "95 % interval"):
+    for header in ("percentile", "draws", unit, "value", "95 % interval"):
         table.add_column(header, justify="right")
     for one in (estimate for series in found for estimate in series):
         group = ", ".join(map(str, one.group.values())) or "all"

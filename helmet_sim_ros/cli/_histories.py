@@ -55,14 +55,14 @@ def write_histories(
     for old in (path, path.with_name(path.name + ".part")):
         old.unlink(missing_ok=True)
     session = LogSession(path, RecorderConfig(scenario_name=result.study.name), _absolute)
-    differing = []
+    differing, unit = [], result.study.unit[:-1]
     start = BEGIN
     for done, row in enumerate(rows):
         progress(done, len(rows), 0)
         kept = result.table[wanted.by][row.index].as_py()
         again, start = _add(session, result, row, wanted.by, start)
         if again != kept:
-            differing.append(f"impact {row.index}: {wanted.by} is {again!r} here, was {kept!r}")
+            differing.append(f"{unit} {row.index}: {wanted.by} is {again!r} here, was {kept!r}")
     progress(len(rows), len(rows), 0)
     return session.close(), differing
 
@@ -98,7 +98,7 @@ def _add(
     name = f"{result.study.name}-{row.index:06d}"
     if isinstance(setup, Fall):  # its worst strike is logged, as the impact that it is
         record = simulate(setup)
-        _, (again,) = judge_fall(record, standard, (criterion,))
+        _, (again,), _ = judge_fall(record, standard, (criterion,))
         worst = head_strikes(record).worst
         if worst is None or again is None:
             return math.nan, start

@@ -44,7 +44,7 @@ def command(
     from helmet_sim_ros.cli._estimates import report
     from helmet_sim_ros.study.scenario.overrides import parse_overrides
     from helmet_sim_ros.study.sweeps.study import load_study
-    from helmet_sim_ros.study.sweeps.sweep import sweep
+    from helmet_sim_ros.study.sweeps.sweep import results_folder, sweep
 
     if workers is not None and scheduler is not None:
         raise click.UsageError("--workers and --scheduler exclude each other")
@@ -52,16 +52,24 @@ def command(
     plan = load_study(study, **parse_overrides(overrides))
     if strikes is not None and not {"strikes", "peak_g"} <= set(plan.criteria):
         raise click.UsageError("--strikes goes with a study of falls that has peak_g")
-    console.print(f"[bold]{plan.name}[/bold]: {len(plan)} impacts")
+    console.print(f"[bold]{plan.name}[/bold]: {len(plan)} {plan.unit}")
+    kept = "every finished row is"
     try:
-        with shown_progress(console, "impacts") as progress:
+        with shown_progress(console, plan.unit) as progress:
+
+            def tell(done: int, total: int, failed: int) -> None:
+                nonlocal kept
+                kept = f"{done} of {total} {plan.unit} are"
+                progress(done, total, failed)
+
             result = sweep(
-                plan, output, workers=workers, scheduler=scheduler, progress=progress,
+                plan, output, workers=workers, scheduler=scheduler, progress=tell,
                 retry_failed=retry_failed,
             )  # fmt: skip
     except KeyboardInterrupt:
+        folder = results_folder(plan, output)
         raise StudyError(
-            "interrupted; every finished row is kept, the same command goes on from there"
+            f"interrupted; {kept} kept in {folder}, the same command goes on from there"
         ) from None
     report(result, console)
     if strikes is not None:

@@ -42,7 +42,8 @@ from helmet_sim_ros.model.helmet import Helmet
 LINEAR_FROM = 0.9
 #: m, least way on which a compressed padding unloads: skin and skull give way too (a choice).
 ELASTIC = 0.5e-3
-#: Pa/m, no padding with skin and skull unloads more steeply (a choice: what the step resolves).
+#: Pa/m, no padding with skin and skull unloads more steeply, or is stiffer in shear (a choice: what
+#: the step resolves; a friction of 1 MPa shears it by 0.25 mm).
 STIFFEST = 4e9
 #: s, in which a padding recovers from its compression: longer than an impact, shorter than the time
 #: to the next one (a choice; slow-recovery foams take a second).
@@ -215,9 +216,9 @@ def way_back(padding: Padding, largest: float, full: float) -> float:
 @inlined
 def shear_stiffness(padding: Padding, largest: float, full: float) -> float:
     """Of padding and head surface in series [Pa/m], at the largest compression [m] of pressure
-    ``full`` [Pa]: 1 / (1 / (shear full / largest) + skin)."""
+    ``full`` [Pa]: 1 / (1 / (shear full / largest) + skin), at most ``STIFFEST``."""
     sheared = padding.shear * full
-    return sheared / (largest + padding.skin * sheared)
+    return min(STIFFEST, sheared / (largest + padding.skin * sheared))
 
 
 @inlined

@@ -102,7 +102,7 @@ def cervical_spine(model: mujoco.MjModel, neck: Neck) -> CervicalSpine:
         rest=rest,
         stiffness=stiffness,
         ranges=ranges,
-        stop_stiffness=STOP_STIFFENING * stiffness[:, [0, 3]],
+        stop_stiffness=np.ascontiguousarray(STOP_STIFFENING * stiffness[:, [0, 3]]),
         compression=neck.compression_per_level / LEVELS,
         tension=neck.tension_per_level / LEVELS,
         plateaus=(neck.compression_plateau, neck.tension_plateau),

@@ -19,6 +19,7 @@ from helmet_sim_ros.study.validation.case import (
     PUBLISHED,
     RATED_FOR,
     CaseResult,
+    Varied,
     against_published,
     errors,
     histories,
@@ -289,7 +290,7 @@ def _sensitivity(result: Validation) -> str:
     )
 
 
-def _row(cases: Sequence[CaseResult], base: Sequence[CaseResult]) -> list[str]:
+def _row(cases: Sequence[CaseResult | Varied], base: Sequence[CaseResult]) -> list[str]:
     cells = [f"{c.peak_g:.0f} / {c.force_ratio:.2f}" for c in cases]
     for what in ("peak_g", "force_ratio"):
         change = [

@@ -30,18 +30,19 @@ STRIKE_MEASURES: Mapping[str, tuple[str, str]] = MappingProxyType(
 
 
 def judge_fall(
-    record: ImpactRecord, standard: str, criteria: Sequence[str], setup: Fall | None = None
-) -> tuple[str | None, tuple[float | None, ...]]:
-    """Verdict and values of a fall: the wanted measures and criteria of its worst strike.
+    record: ImpactRecord, standard: str | None, criteria: Sequence[str], setup: Fall | None = None
+) -> tuple[str | None, tuple[float | None, ...], tuple[str, ...]]:
+    """Verdict, values and notes of a fall: wanted measures and criteria of its worst strike.
 
     Args:
         record: of a fall.
-        standard: limits of the verdict.
+        standard: limits of the verdict; None: as :func:`.evaluation.evaluate`.
         criteria: names of measures and criteria.
         setup: of the record, where it is at hand.
 
     Returns:
-        The verdict, None without head contact; and the values in order, None where there is none.
+        The verdict, None without head contact; the values in order, None where there is none; and
+        what weakens them, without head contact what the rider suffered.
     """
     from helmet_sim_ros.biomech.evaluation import evaluate
     from helmet_sim_ros.model.fall.strikes import head_strikes
@@ -50,7 +51,7 @@ def judge_fall(
     values: dict[str, float] = {"strikes": float(len(found))}
     worst = found.worst
     if worst is None:
-        return None, tuple(values.get(name) for name in criteria)
+        return None, tuple(values.get(name) for name in criteria), record.notes
     values |= {
         "strike_time": worst.time,
         "strike_normal_velocity": worst.normal_velocity,
@@ -65,4 +66,4 @@ def judge_fall(
     wanted = [name for name in criteria if name not in STRIKE_MEASURES]
     result = evaluate(worst.record, standard, wanted)
     values |= {name: result.criteria[name].value for name in wanted if name in result.criteria}
-    return result.verdict, tuple(values.get(name) for name in criteria)
+    return result.verdict, tuple(values.get(name) for name in criteria), result.warnings

@@ -21,7 +21,7 @@ from helmet_sim_ros.model.helmet import Helmet, load_helmet
 from helmet_sim_ros.model.identified import identified
 from helmet_sim_ros.schema import Config, quantity
 from helmet_sim_ros.study.helmets.cells import Cells, cells_of, fitted_ellipsoid, outer_surface
-from helmet_sim_ros.study.helmets.mass import mass_properties
+from helmet_sim_ros.study.helmets.mass import MassProperties, mass_properties
 from helmet_sim_ros.study.helmets.mesh import UNITS, Part, face_colors, read_part
 from helmet_sim_ros.study.helmets.orientation import by_axes, by_landmarks
 from helmet_sim_ros.study.helmets.regions import parsed, zone_means, zoned_cells
@@ -36,6 +36,9 @@ from helmet_sim_ros.study.helmets.thickness import (
 
 DRAWN = 2000  # triangles of the drawing in reports and replays
 MOSTLY = 0.5
+#: A helmet's mass over that of its shell and liner: straps, padding and visor weigh as much at
+#: most, and densities that are twice too high are not those of the helmet (a choice).
+WEIGHED = (0.5, 2.0)
 WALL = (0.0, 0.01)  # m, that a shell's material may have
 
 
@@ -129,6 +132,7 @@ def import_helmet(shell: Path, liner: Path | None, plan: ImportPlan) -> Imported
     weighed = mass_properties(
         cells, depths.shell, thickness, np.full(len(thickness), density), plan.areal_density
     )
+    _check_mass(weighed, plan, density)
     whole = weighed if plan.mass is None else weighed.scaled(plan.mass)
     notes += _told(cells, thickness, gap, plan.headform, missing, int(thin.sum()))
     notes.append(
@@ -230,6 +234,18 @@ def _in_head_frame(parts: list[Part], plan: ImportPlan, notes: list[str]) -> lis
                 " --origin moves it"
             )
     return [part.moved(rotation, origin) for part in parts]
+
+
+def _check_mass(parts: MassProperties, plan: ImportPlan, density: float) -> None:
+    """Refuse a mass of the scale that shell and liner, as told, cannot have."""
+    low, high = (share * (parts.shell + parts.liner) for share in WEIGHED)
+    if plan.mass is not None and not low <= plan.mass <= high:
+        raise SetupError.of(
+            "mass", plan.mass,
+            f"must be from {low:.2f} to {high:.2f} kg, half to twice what the meshes weigh: "
+            f"{parts.shell:.2f} kg of shell with areal_density = {plan.areal_density:g} and "
+            f"{parts.liner:.2f} kg of liner with density = {density:g}; give those of the helmet",
+        )  # fmt: skip
 
 
 def _told(

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import logging
 import os
+import signal
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import CancelledError
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from typing import Any, Generic, Protocol, TypeVar
 
@@ -73,15 +74,25 @@ def open_engine(workers: int | None = None, scheduler: str | None = None) -> Ite
             yield _Dask(distributed, client)
         return
     count = workers or len(os.sched_getaffinity(0))
-    with (
-        need("dask", "study").config.set({"distributed.scheduler.worker-saturation": 1.0}),
-        distributed.LocalCluster(
-            n_workers=count, threads_per_worker=1, dashboard_address="127.0.0.1:0",
-            silence_logs=logging.CRITICAL,
-        ) as cluster,
-        distributed.Client(cluster) as client,
-    ):  # fmt: skip
-        yield _Dask(distributed, client)
+    saturation = {"distributed.scheduler.worker-saturation": 1.0}
+    with need("dask", "study").config.set(saturation), ExitStack() as stack:
+        with _deaf_children():
+            cluster = stack.enter_context(distributed.LocalCluster(
+                n_workers=count, threads_per_worker=1, dashboard_address="127.0.0.1:0",
+                silence_logs=logging.CRITICAL,
+            ))  # fmt: skip
+        yield _Dask(distributed, stack.enter_context(distributed.Client(cluster)))
+
+
+@contextmanager
+def _deaf_children() -> Iterator[None]:
+    """Threads and processes that start in this block, and theirs, do not hear of Ctrl-C, which a
+    terminal sends to all of them: this thread does, and ends them."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 class _Here:

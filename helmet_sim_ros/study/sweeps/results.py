@@ -15,11 +15,9 @@ from typing import Any
 from helmet_sim_ros.errors import SetupError, StudyError
 from helmet_sim_ros.extra import need
 from helmet_sim_ros.study.sweeps.folder import StudyFolder
-from helmet_sim_ros.study.sweeps.study import Row, Study, value_leaves
+from helmet_sim_ros.study.sweeps.study import FIXED, Row, Study, value_leaves
 from helmet_sim_ros.study.sweeps.worker import Outcome
 
-#: Columns before the setup's and the criteria's.
-FIXED = ("index", "id", "draw", "status", "error", "verdict")
 #: Bytes a number takes in chunk, table and CSV together, an upper bound.
 BYTES_PER_VALUE = 50
 
@@ -120,7 +118,7 @@ class ResultStore:
         if needed > free:
             raise SetupError.of(
                 "output", str(self._folder.path),
-                f"{len(self._study)} impacts need up to {needed / 1e6:.0f} MB, "
+                f"{len(self._study)} {self._study.unit} need up to {needed / 1e6:.0f} MB, "
                 f"{free / 1e6:.0f} MB are free",
             )  # fmt: skip
 
@@ -160,6 +158,7 @@ class ResultStore:
         texts = {name: arrow.string() for name in FIXED} | {
             "index": arrow.int64(),
             "draw": arrow.int64(),
+            "notes": arrow.list_(arrow.string()),
         }
         fields = list(texts.items())
         fields += [(name, arrow.string()) for name in self._study.labels]
@@ -175,6 +174,7 @@ class ResultStore:
             "status": outcome.status,
             "error": outcome.error,
             "verdict": outcome.verdict,
+            "notes": list(outcome.notes),
         }
         criteria = dict(zip(self._study.criteria, outcome.values, strict=False))
         return record | dict(row.labels) | dict(row.values) | criteria
@@ -184,6 +184,8 @@ def _flat(arrow: Any, table: Any) -> Any:
     """The table with lists as text, which CSV can hold."""
     for i, field in enumerate(table.schema):
         if arrow.types.is_list(field.type):
-            text = [None if v is None else json.dumps(v) for v in table.column(i).to_pylist()]
+            numbers = arrow.types.is_floating(field.type.value_type)
+            told = json.dumps if numbers else "; ".join
+            text = [None if v is None else told(v) for v in table.column(i).to_pylist()]
             table = table.set_column(i, field.name, arrow.array(text, arrow.string()))
     return table

@@ -28,6 +28,8 @@ from helmet_sim_ros.study.sweeps import population as people
 from helmet_sim_ros.study.sweeps.sampling import Distribution, Method, unit_points
 from helmet_sim_ros.yaml_file import read_yaml
 
+#: Columns of the results before those of the setup and of the criteria.
+FIXED = ("index", "id", "draw", "status", "error", "verdict", "notes")
 #: Packages whose version decides what an impact gives: results of two of them are not mixed.
 PACKAGES = ("helmet_sim_ros", "mujoco")
 
@@ -167,6 +169,12 @@ class Study:
         """Dotted names that any row sets."""
         return tuple(dict.fromkeys([*(k for case in self.matrix for k in case), *self.drawn]))
 
+    @cached_property
+    def unit(self) -> str:
+        """What its rows are: ``falls``, or ``impacts`` (also where both are among them)."""
+        drawn = is_fall(self.drawn)
+        return "falls" if all(drawn or is_fall(case) for case in self.matrix) else "impacts"
+
     @property
     def criteria(self) -> tuple[str, ...]:
         """Criteria that are kept."""
@@ -185,6 +193,7 @@ class Study:
             "helmets, riders and defaults": digest(resolved),
             "standard": digest(load_standard(self.file.standard).model_dump()),
             "criteria": digest(self.criteria),
+            "columns": digest(FIXED),
             **{f"version of {name}": version(name) for name in PACKAGES},
         }
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +16,9 @@ from helmet_sim_ros.study.sweeps.worker import Job
 
 #: Most impacts per chunk: some seconds of work, the most that a killed worker costs.
 MAX_CHUNK = 100
+
+#: A number of a note: rows whose notes differ in nothing else have the same kind of note.
+NUMBER = re.compile(r"(?<!\w)[-+]?\d+(\.\d+)?(?!\w)")
 
 #: Called with finished, total and failed rows.
 Progress = Callable[[int, int, int], None]
@@ -39,6 +44,13 @@ class SweepResult:
     def failed(self) -> int:
         """Rows with an error."""
         return sum(status != "ok" for status in self.table["status"].to_pylist())
+
+    @property
+    def notes(self) -> dict[str, int]:
+        """How many rows have each kind of note (their column ``notes`` with its numbers left out),
+        the most frequent first."""
+        rows = [{NUMBER.sub("…", note) for note in row} for row in self.table["notes"].to_pylist()]
+        return dict(Counter(kind for row in rows for kind in sorted(row)).most_common())
 
     def worst(self, criterion: str = "peak_g", count: int | None = None) -> list[Row]:
         """Rows by falling value of a criterion, failed ones left out."""
@@ -86,7 +98,7 @@ def sweep(
             same call goes on from there.
     """
     study = study if isinstance(study, Study) else load_study(study)
-    folder = Path(f"{study.name}.results" if output is None else output)
+    folder = results_folder(study, output)
     with ResultStore(folder, study, retry_failed) as store:
         left = len(study) - len(store.finished)
         if left:
@@ -99,6 +111,11 @@ def sweep(
                     _tell(progress, study, store)
         table = store.finish()
     return SweepResult(study, folder, table, left)
+
+
+def results_folder(study: Study, output: str | Path | None) -> Path:
+    """Where a sweep keeps its results; arguments as :func:`sweep`."""
+    return Path(f"{study.name}.results" if output is None else output)
 
 
 def _chunks(study: Study, finished: set[int], size: int) -> Iterator[Chunk[tuple[Row, ...]]]:

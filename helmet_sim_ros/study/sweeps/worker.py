@@ -32,12 +32,14 @@ class Outcome:
         error: why it failed.
         verdict: ``pass`` or ``fail`` by the standard; None if it failed to run.
         values: of the job's criteria, in their order; None where a record does not give one.
+        notes: what weakens the values (what helmet and neck suffered beyond what they have...).
     """
 
     status: str
     error: str | None = None
     verdict: str | None = None
     values: tuple[float | None, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 def run_chunk(job: Job, chunk: Sequence[Mapping[str, object]]) -> list[Outcome]:
@@ -48,11 +50,15 @@ def run_chunk(job: Job, chunk: Sequence[Mapping[str, object]]) -> list[Outcome]:
     """
     from helmet_sim_ros.biomech.evaluation import evaluate
     from helmet_sim_ros.biomech.record import ImpactRecord
+    from helmet_sim_ros.biomech.standards import DEFAULT_STANDARD
     from helmet_sim_ros.model.fall.setup import Fall, setup_or_fall
     from helmet_sim_ros.model.impact import Impact
     from helmet_sim_ros.model.setup import ImpactSetup
     from helmet_sim_ros.model.simulate import begun
     from helmet_sim_ros.study.falls.measures import judge_fall
+
+    # A study that names no standard is not told that its impacts are no tests of one.
+    standard = None if job.standard == DEFAULT_STANDARD else job.standard
 
     def planned(values: Mapping[str, object]) -> tuple[int, ImpactSetup | Fall]:
         setup = setup_or_fall(values)
@@ -74,12 +80,12 @@ def run_chunk(job: Job, chunk: Sequence[Mapping[str, object]]) -> list[Outcome]:
     def judged(run: tuple[ImpactSetup | Fall, ImpactRecord]) -> Outcome:
         setup, record = run
         if isinstance(setup, Fall):
-            verdict, numbers = judge_fall(record, job.standard, job.criteria, setup)
-            return Outcome("ok", None, verdict, numbers)
-        result = evaluate(record, job.standard, job.criteria)
+            verdict, numbers, notes = judge_fall(record, standard, job.criteria, setup)
+            return Outcome("ok", None, verdict, numbers, notes)
+        result = evaluate(record, standard, job.criteria)
         found = result.criteria
         numbers = tuple(found[n].value if n in found else None for n in job.criteria)
-        return Outcome("ok", None, result.verdict, numbers)
+        return Outcome("ok", None, result.verdict, numbers, result.warnings)
 
     outcomes: list[Outcome] = []
     for block in _blocks(_tried(planned, chunk), samples):
