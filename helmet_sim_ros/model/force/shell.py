@@ -74,6 +74,9 @@ HOLD = 12.5e-6  # s, longest time for which foam follows its tangent and moments
 #: How much faster than any point of the helmet a node of the plate may be: what has no inertia of
 #: its own follows, and is not flung. Choice.
 FLING = 1.5
+#: Least cosine between a plate that has let go and the surface where the helmet meets it next:
+#: below it is laid anew. Choice.
+TURNED = 0.9
 
 #: What is kept of each column: cell of the grid that it is over, and its place there from 0 to 1;
 #: height over the tangent plane [m], cosine of its normal to the plane's, rate of the height [m/s],
@@ -91,6 +94,7 @@ class Shell(NamedTuple):
         engaged: ``AWAY``, ``RESTS`` or ``MOVES``; (1,), state.
         plane: the tangent plane as a surface; state.
         frame: origin (3) [m], and unit vectors x, y and outward normal; (12,), state.
+        next: the same of where the helmet is deepest now; (12,), working memory.
         friction: of what lies below each node, (n, n); state.
         columns: of each column, see ``CELL_U`` to ``MET``; (columns, 9).
         active: indices of the columns that may touch the plate, their number in the last place.
@@ -100,6 +104,7 @@ class Shell(NamedTuple):
     engaged: NDArray[np.int64]
     plane: Surface
     frame: FloatArray
+    next: FloatArray
     friction: FloatArray
     columns: FloatArray
     active: NDArray[np.int64]
@@ -117,7 +122,8 @@ def shell(helmet: Helmet, liner: CrushingLiner) -> Shell:
         np.zeros(1),
     )
     return Shell(
-        grid, np.zeros(1, dtype=np.int64), plane, np.zeros(12), np.zeros(grid.height.shape),
+        grid, np.zeros(1, dtype=np.int64), plane, np.zeros(12), np.zeros(12),
+        np.zeros(grid.height.shape),
         np.zeros((count, MET + 1)), np.zeros(count + 1, dtype=np.int64),
     )  # fmt: skip
 
@@ -236,6 +242,15 @@ def engage(shell: Shell, liner: CrushingLiner, surface: Surface, motion: Motion)
         for j in range(n):
             survey(shell, surface, i, j)
     return True
+
+
+@compiled
+def turned_away(shell: Shell, liner: CrushingLiner, surface: Surface, motion: Motion) -> bool:
+    """Whether the helmet meets the surface where that is turned from the plate: another shape, or
+    the side of this one."""
+    if not closest(liner, surface, motion, 0.0, shell.next):
+        return False
+    return dot(row3(shell.next, 9), row3(shell.frame, 9)) < TURNED
 
 
 @allocating
@@ -429,8 +444,11 @@ def apply(
     around = norm(helmet.spin) * max(liner.semi_axes)
     fastest = FLING * (norm(velocity_at(helmet, helmet.position)) + around)
     place(shell, liner, helmet, step, fastest)
-    if shell.active[-1] > 0:  # else it rests: it has let go of all that bent it
+    if shell.active[-1] > 0:
         settle(shell, liner, step, fastest)
+    elif turned_away(shell, liner, surface, motion):  # it has let go of all that bent it
+        shell.engaged[0] = AWAY
+        liner.near.position[:] = np.inf
     total, moment, friction = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for n in range(listed[-1]):
         c = listed[n]
