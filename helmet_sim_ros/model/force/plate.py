@@ -174,14 +174,16 @@ def bend(plate: Plate) -> None:
 
 
 @compiled
-def pull_back(plate: Plate) -> None:
+def pull_back(plate: Plate, step: float) -> None:
     """Write the force per area against the height: of bending, of the foam, and of the anvil."""
     bend(plate)
     xx, yy, xy, pull = plate.bent[0], plate.bent[1], plate.bent[2], plate.pull
-    z, anvil, pressed, steepness = plate.height, plate.anvil, plate.pressed, plate.steepness
+    z, w, anvil, pressed, steepness = (
+        plate.height, plate.speed, plate.anvil, plate.pressed, plate.steepness,
+    )  # fmt: skip
     n = len(z)
     loaded = 1.0 / (plate.cell * plate.cell)
-    stiff = plate.stiffness * loaded
+    stiff, inertia = plate.stiffness * loaded, MASS / step
     # Transposed stencils: the plate's own forces add up to no force and no moment.
     for i in range(n):
         for j in range(n):
@@ -194,8 +196,9 @@ def pull_back(plate: Plate) -> None:
         for j in range(n):
             pull[i, j] += loaded * max(pressed[i, j] + steepness[i, j] * z[i, j], 0.0)
         for j in range(n):
-            # What presses a node on the anvil is borne there: its neighbours do not feel it.
-            pull[i, j] = min(pull[i, j], 0.0) if z[i, j] <= anvil[i, j] else pull[i, j]
+            # The anvil bears more than what brings a node down to it: neighbours do not feel that.
+            most = inertia * ((z[i, j] - anvil[i, j]) / step + w[i, j])
+            pull[i, j] = min(pull[i, j], max(most, 0.0))
 
 
 @compiled
@@ -214,7 +217,7 @@ def smooth(plate: Plate) -> None:
 @compiled
 def move(plate: Plate, step: float, most: float) -> None:
     """One step of the plate; no node is faster than ``most`` [m/s]."""
-    pull_back(plate)
+    pull_back(plate, step)
     smooth(plate)
     z, w, slow, anvil, smoothed = plate.height, plate.speed, plate.slow, plate.anvil, plate.smoothed
     n = len(z)
