@@ -154,6 +154,20 @@ def test_the_plate_is_laid_anew_where_the_helmet_meets_another_side() -> None:
     assert np.abs(np.diff(force)).max() < 2e3
 
 
+def test_a_plate_tipped_over_an_anvil_does_not_lever_the_helmet_up() -> None:
+    """A grazing blow tipped it like a seesaw, whose far end rose into the foam until all diverged."""
+    impact = Impact(
+        ImpactSetup(
+            rig="headform", helmet="bicycle", direction="top", surface="hemisphere",
+            normal_velocity=3.526463263233223, tangential_velocity=18.45074320874553,
+            tangential_heading_deg=160.18134161, duration=0.03,
+            overrides={"helmet.coupling": "foam"},
+        )
+    )  # fmt: skip
+    impact.run()
+    assert impact._simulation.forces.liner.largest.max() < 1.0
+
+
 def test_on_a_face_larger_than_the_contact_the_plate_stays_as_it_was_laid() -> None:
     impact = Impact(setup("flat_anvil", 1.5))
     impact.run()

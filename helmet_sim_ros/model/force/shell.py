@@ -80,8 +80,8 @@ TURNED = 0.9
 
 #: What is kept of each column: cell of the grid that it is over, and its place there from 0 to 1;
 #: height over the tangent plane [m], cosine of its normal to the plane's, rate of the height [m/s],
-#: the force that it has now [N], and whether it has met the plate from above.
-CELL_U, CELL_V, ACROSS, ALONG, HEIGHT, COSINE, RATE, PUSHED, MET = range(9)
+#: and the force that it has now [N].
+CELL_U, CELL_V, ACROSS, ALONG, HEIGHT, COSINE, RATE, PUSHED = range(8)
 
 AWAY, RESTS, MOVES = range(3)  # of a shell: not in place; flat, and still; bent
 
@@ -96,7 +96,7 @@ class Shell(NamedTuple):
         frame: origin (3) [m], and unit vectors x, y and outward normal; (12,), state.
         next: the same of where the helmet is deepest now; (12,), working memory.
         friction: of what lies below each node, (n, n); state.
-        columns: of each column, see ``CELL_U`` to ``MET``; (columns, 9).
+        columns: of each column, see ``CELL_U`` to ``PUSHED``; (columns, 8).
         active: indices of the columns that may touch the plate, their number in the last place.
     """
 
@@ -124,7 +124,7 @@ def shell(helmet: Helmet, liner: CrushingLiner) -> Shell:
     return Shell(
         grid, np.zeros(1, dtype=np.int64), plane, np.zeros(12), np.zeros(12),
         np.zeros(grid.height.shape),
-        np.zeros((count, MET + 1)), np.zeros(count + 1, dtype=np.int64),
+        np.zeros((count, PUSHED + 1)), np.zeros(count + 1, dtype=np.int64),
     )  # fmt: skip
 
 
@@ -355,8 +355,8 @@ def place(shell: Shell, liner: CrushingLiner, helmet: Rigid, step: float, fastes
     """Where every near column is over the plate, and which may touch it within ``step`` seconds
     before, if no node is faster than ``fastest`` [m/s].
 
-    A column meets the plate from above: one that is found below it and has not come there, as
-    where an anvil has slipped under the rim and what was its back is turned to it, does not touch.
+    A column meets the plate from above: one that did not bear and is found deeper than it can have
+    come since, as where an anvil slips under the rim or enters from the side, does not touch.
     """
     points, normals, radii = liner.columns.point, liner.columns.normal, liner.columns.radius
     thicknesses = liner.columns.thickness
@@ -365,10 +365,10 @@ def place(shell: Shell, liner: CrushingLiner, helmet: Rigid, step: float, fastes
     count = 0
     for n in range(listed[-1]):
         c = listed[n]
+        bore = state[c, PUSHED] > 0.0
         state[c, PUSHED] = 0.0
         cosine = -dot(up, turned(helmet.rotation, row(normals, c)))
         if cosine <= 0.0:
-            state[c, MET] = 0.0
             continue
         point = world_point(helmet, row(points, c))
         off = sub(point, origin)
@@ -379,16 +379,30 @@ def place(shell: Shell, liner: CrushingLiner, helmet: Rigid, step: float, fastes
         way = half + (abs(rate) + fastest) * step
         # What was crushed before does not bear again until the foam's rest is reached.
         if (highest - height + way) * cosine <= max(0.0, liner.rest[c]) * thicknesses[c]:
-            state[c, MET] = 1.0 if height - highest > way else state[c, MET]
             continue
-        if state[c, MET] == 0.0 and highest - height > way:
+        surface = (1.0 - b) * ((1.0 - a) * z[i, j] + a * z[i + 1, j])
+        surface += b * ((1.0 - a) * z[i, j + 1] + a * z[i + 1, j + 1])
+        sunk = surface - height - way - fastest * step  # the last: as it slides along a slope
+        if not bore and sunk * cosine > max(0.0, liner.rest[c]) * thicknesses[c]:
             continue
-        state[c, MET] = 1.0
         state[c, CELL_U], state[c, CELL_V], state[c, ACROSS], state[c, ALONG] = i, j, a, b
         state[c, HEIGHT], state[c, COSINE], state[c, RATE] = height, cosine, rate
         shell.active[count] = c
         count += 1
     shell.active[-1] = count
+
+
+@compiled
+def levered(shell: Shell, liner: CrushingLiner) -> bool:
+    """Whether the plate, tipped over the anvil, has risen under a column by more than its foam is
+    thick: it is then no longer what lies between that column and the surface."""
+    z, anvil, state = shell.grid.height, shell.grid.anvil, shell.columns
+    for n in range(shell.active[-1]):
+        c = shell.active[n]
+        i, j = int(state[c, CELL_U]), int(state[c, CELL_V])
+        if z[i, j] > max(anvil[i, j], 0.0) + liner.columns.thickness[c]:
+            return True
+    return False
 
 
 @compiled
@@ -444,11 +458,12 @@ def apply(
     around = norm(helmet.spin) * max(liner.semi_axes)
     fastest = FLING * (norm(velocity_at(helmet, helmet.position)) + around)
     place(shell, liner, helmet, step, fastest)
-    if shell.active[-1] > 0:
-        settle(shell, liner, step, fastest)
-    elif turned_away(shell, liner, surface, motion):  # it has let go of all that bent it
+    active = shell.active[-1] > 0
+    if levered(shell, liner) if active else turned_away(shell, liner, surface, motion):
         shell.engaged[0] = AWAY
         liner.near.position[:] = np.inf
+    elif active:  # else it rests: it has let go of all that bent it
+        settle(shell, liner, step, fastest)
     total, moment, friction = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for n in range(listed[-1]):
         c = listed[n]
