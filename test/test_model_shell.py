@@ -155,7 +155,7 @@ def test_the_plate_is_laid_anew_where_the_helmet_meets_another_side() -> None:
 
 
 def test_a_plate_tipped_over_an_anvil_does_not_lever_the_helmet_up() -> None:
-    """A grazing blow tipped it like a seesaw, whose far end rose into the foam until all diverged."""
+    """A grazing blow tipped it, and its far end rose into the foam until all diverged."""
     impact = Impact(
         ImpactSetup(
             rig="headform", helmet="bicycle", direction="top", surface="hemisphere",
