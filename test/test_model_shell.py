@@ -7,7 +7,7 @@ import pytest
 
 from helmet_sim_ros import ImpactSetup, evaluate, simulate
 from helmet_sim_ros.biomech.record import ImpactRecord
-from helmet_sim_ros.model.force.shell import bend, move, plate
+from helmet_sim_ros.model.force.shell import RESTS
 from helmet_sim_ros.model.helmet import load_helmet
 from helmet_sim_ros.model.impact import Impact
 
@@ -82,11 +82,15 @@ def test_a_stiffer_shell_spreads_the_load_further() -> None:
 
 
 @pytest.mark.parametrize("surface", ANVILS)
-def test_columns_and_steps_converge_within_two_percent(surface: str) -> None:
+def test_grid_columns_and_steps_converge_within_one_percent(surface: str) -> None:
     speed = ANVILS[surface]
     peak = peak_g(drop(surface, speed))
-    finer = peak_g(drop(surface, speed, **{"helmet.liner.columns": 3000}))
-    assert finer == pytest.approx(peak, rel=0.02)
+    finer = peak_g(drop(surface, speed, **{"helmet.liner.columns": 2000}))
+    assert finer == pytest.approx(peak, rel=0.01)
+    finer = peak_g(
+        drop(surface, speed, **{"helmet.liner.columns": 2000, "helmet.shell.cell": 0.003})
+    )
+    assert finer == pytest.approx(peak, rel=0.012)
     shorter = peak_g(drop(surface, speed, **{"sim.time_step": 2.5e-5}))
     assert shorter == pytest.approx(peak, rel=0.01)
 
@@ -114,23 +118,6 @@ def _momentum(impact: Impact, q: np.ndarray, v: np.ndarray) -> float:
     return float(data.subtree_linvel[1][2] * impact.model.body_subtreemass[1])
 
 
-def test_the_plates_own_forces_add_up_to_no_force_and_no_moment() -> None:
-    impact = Impact(setup("kerbstone", 7.5))
-    own = plate(impact.setup.helmet_config, impact._simulation.forces.liner)
-    rng = np.random.default_rng(1)
-    own.height[:] = 1e-3 * rng.standard_normal(own.height.shape)
-    own.anvil[:] = -1.0
-    bend(own)
-    assert np.abs(own.bent).max() > 0.0
-    move(own, own.longest, np.inf)
-    n = len(own.speed)
-    x = np.arange(n)[:, None] * np.ones((1, n))
-    size = np.abs(own.speed).sum()
-    assert abs(own.speed.sum()) < 1e-9 * size
-    assert abs((own.speed * x).sum()) < 1e-9 * size * n
-    assert abs((own.speed * x.T).sum()) < 1e-9 * size * n
-
-
 @pytest.mark.parametrize(
     ("direction", "surface", "normal", "along", "heading"),
     [("back", "kerbstone", 4.0, 8.5, -119.0), ("front", "hemisphere", 4.3, 7.0, -69.0)],
@@ -147,16 +134,59 @@ def test_a_thin_shell_that_slides_over_an_anvil_is_not_flung(
         )
     )  # fmt: skip
     impact.run()
-    assert 0.5 < impact._simulation.forces.liner.largest.max() < 1.0
+    assert 0.4 < impact._simulation.forces.liner.largest.max() < 1.0
 
 
-def test_a_plane_plate_does_not_resist() -> None:
-    impact = Impact(setup("kerbstone", 7.5))
-    own = plate(impact.setup.helmet_config, impact._simulation.forces.liner)
-    x = np.arange(len(own.height))[:, None] * 1e-3
-    own.height[:] = x + 2.0 * x.T
-    bend(own)
-    assert np.abs(own.bent).max() < 1e-9
+def test_the_plate_is_laid_anew_where_the_helmet_meets_another_side() -> None:
+    """It stayed in the plane of the post, from where the road looks like a wall, and foam that came
+    down on the road was crushed through at once."""
+    impact = Impact(
+        ImpactSetup(
+            rig="rider", helmet="fullface_chin", direction="front", surface="post",
+            normal_velocity=5.226157933702445, tangential_velocity=18.597190146088238,
+            tangential_heading_deg=128.12842597800352,
+            duration=0.03, overrides={"helmet.coupling": "foam"},
+        )
+    )  # fmt: skip
+    impact.run()
+    force = np.linalg.norm(impact.record().ground_force, axis=1)
+    assert force[-1] > 5e3  # on the road
+    assert np.abs(np.diff(force)).max() < 2e3
+
+
+def test_a_plate_tipped_over_an_anvil_does_not_lever_the_helmet_up() -> None:
+    """A grazing blow tipped it, and its far end rose into the foam until all diverged."""
+    impact = Impact(
+        ImpactSetup(
+            rig="headform", helmet="bicycle", direction="top", surface="hemisphere",
+            normal_velocity=3.526463263233223, tangential_velocity=18.45074320874553,
+            tangential_heading_deg=160.18134161, duration=0.03,
+            overrides={"helmet.coupling": "foam"},
+        )
+    )  # fmt: skip
+    impact.run()
+    assert impact._simulation.forces.liner.largest.max() < 1.0
+
+
+def test_on_a_face_larger_than_the_contact_the_plate_stays_as_it_was_laid() -> None:
+    impact = Impact(setup("flat_anvil", 1.5))
+    impact.run()
+    shell = impact._simulation.forces.shell
+    assert shell.engaged[0] == RESTS
+    assert not shell.grid.height.any()
+    assert peak_g(impact.record()) == pytest.approx(peak_g(drop("ground", 1.5)), rel=0.01)
+
+
+@pytest.mark.parametrize("surface", ANVILS)
+def test_shorter_steps_within_the_plate_change_nothing(surface: str) -> None:
+    impact = Impact(setup(surface, ANVILS[surface]))
+    forces = impact._simulation.forces
+    grid = forces.shell.grid._replace(longest=0.5 * forces.shell.grid.longest)
+    forces = forces._replace(shell=forces.shell._replace(grid=grid))
+    impact._simulation = impact._simulation._replace(forces=forces)
+    impact.run()
+    peak = peak_g(drop(surface, ANVILS[surface]))
+    assert peak_g(impact.record()) == pytest.approx(peak, rel=5e-3)
 
 
 def test_a_liner_crushed_beyond_its_foam_says_where() -> None:

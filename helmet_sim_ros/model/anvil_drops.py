@@ -110,8 +110,8 @@ def _drop(
     foam = helmet.model_copy(update={"coupling": "foam"})
     struck, table = surface.compiled(), columns(foam)
     crushing = liner.crushing_liner(table, foam, 0, len(struck.kind), np.zeros(len(table.area)))
-    plate = shell.plate(foam, crushing)
-    bends = shell.spreads(plate, struck)
+    outside = shell.shell(foam, crushing)
+    bends = shell.spreads(outside, struck)
     target, frame = surface.frame
     normal = frame[:, 2]
     place, velocity = np.zeros((1, 3)), np.zeros((1, 6))
@@ -128,7 +128,7 @@ def _drop(
         velocity[0, 3:] = -down * normal
         clear(loads)
         if bends:
-            shell.apply(plate, crushing, struck, STEP, motion, loads)
+            shell.apply(outside, crushing, struck, STEP, motion, loads)
         else:
             liner.apply(crushing, struck, STEP, motion, loads)
         force = float(loads.surface[HELMET, FORCE : FORCE + 3] @ normal)

@@ -67,7 +67,7 @@ class Shell(Config):
     )
     material: ShellMaterial = Field(default_factory=ShellMaterial)
     cell: float = quantity(
-        "grid on which the bending of the shell is computed", "m", 0.008, ge=0.002, le=0.02
+        "grid on which the bending of the shell is computed", "m", 0.006, ge=0.002, le=0.02
     )
 
     contact_returned: float = quantity(

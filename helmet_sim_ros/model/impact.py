@@ -35,7 +35,7 @@ from helmet_sim_ros.model.force.fit import Fit, fit
 from helmet_sim_ros.model.force.foam import residual_strains
 from helmet_sim_ros.model.force.liner import crushing_liner
 from helmet_sim_ros.model.force.self_contact import started
-from helmet_sim_ros.model.force.shell import plate
+from helmet_sim_ros.model.force.shell import shell as shell_of
 from helmet_sim_ros.model.force.spring import CouplingSpring, coupling_spring
 from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.layout import Layout
@@ -103,7 +103,7 @@ class Impact:
             body,
             shell,
             liner,
-            plate(helmet, liner),
+            shell_of(helmet, liner),
             self.fresh_fit(),
             started(parts.own, motion),
         )

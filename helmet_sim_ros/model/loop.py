@@ -126,7 +126,7 @@ class Forces(NamedTuple):
     landing: contact.Contact
     outside: contact.Contact
     liner: liner.CrushingLiner
-    shell: shell.Plate
+    shell: shell.Shell
     fit: fit.Fit
     own: self_contact.SelfContact
 
