@@ -169,8 +169,8 @@ def _forged(
     notes = {"start_time": "1.0", "samples": str(len(data)), "complete": "true", "problem": "",
              "setup": json.dumps(setup)}  # fmt: skip
     writer.add_metadata(IMPACT + name, notes)
-    peak = replace(verdict.criteria["peak_g"], note=text("criterion note", ""))
-    mine = replace(peak, name=text("criterion", "mine"))
+    peak = verdict.criteria["peak_g"]._replace(note=text("criterion note", ""))
+    mine = peak._replace(name=text("criterion", "mine"))
     forged = replace(
         verdict,
         title=text("title", "t"),

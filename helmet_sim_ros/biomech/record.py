@@ -162,6 +162,8 @@ class ImpactRecord:
         share = ((time - self.time[before]) / (self.time[before + 1] - self.time[before]))[:, None]
 
         def at(samples: FloatArray) -> FloatArray:
+            if not samples.size:  # no joints
+                return np.zeros((count, 0))
             low = samples[before]
             between: FloatArray = low + share * (samples[before + 1] - low)
             return between

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import CancelledError
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from multiprocessing import resource_tracker
 from typing import Any, Generic, Protocol, TypeVar
 
 from helmet_sim_ros.errors import SetupError, StudyError
@@ -88,6 +89,7 @@ def open_engine(workers: int | None = None, scheduler: str | None = None) -> Ite
 def _deaf_children() -> Iterator[None]:
     """Threads and processes that start in this block, and theirs, do not hear of Ctrl-C, which a
     terminal sends to all of them: this thread does, and ends them."""
+    resource_tracker.ensure_running()  # starting it later would unblock the signal
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
