@@ -156,7 +156,7 @@ def test_ctrl_c_of_a_terminal_ends_workers_and_sweep_with_one_line(study, tmp_pa
     with pytest.raises(ProcessLookupError):  # the last of them end when the first is gone
         while time.monotonic() < deadline:
             os.killpg(process.pid, 0)
-            time.sleep(0.02)
+            time.sleep(0.02)  # they are not our children, whose end we would be told of
 
 
 def test_what_a_helmet_suffered_is_told_with_the_number_of_impacts(study, call, tmp_path):

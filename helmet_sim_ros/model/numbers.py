@@ -1,8 +1,8 @@
 """The numbers of another rider or helmet in a model that is compiled already.
 
 What builds a model calls MuJoCo's specification: bodies, joints, geoms, each with its numbers. The
-same calls on a :class:`Numbers` write those numbers into a compiled model of the same structure, an
-eighth of what it takes to specify and compile it anew. MuJoCo derives the rest (``mj_setConst``).
+same calls on a :class:`Numbers` write those numbers into a compiled model of the same structure,
+which is much quicker. MuJoCo derives the rest (``mj_setConst``).
 """
 
 from __future__ import annotations
@@ -13,9 +13,6 @@ from typing import Any
 
 import mujoco
 import numpy as np
-
-ELLIPSOID = int(mujoco.mjtGeom.mjGEOM_ELLIPSOID)
-CAPSULE = int(mujoco.mjtGeom.mjGEOM_CAPSULE)
 
 
 class Numbers:

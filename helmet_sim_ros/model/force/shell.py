@@ -46,13 +46,13 @@ from helmet_sim_ros.model.force.liner import (
 )
 from helmet_sim_ros.model.force.plate import Plate, move, plate, rests, soften
 from helmet_sim_ros.model.force.vector import (
-    Vec,
     across,
     add,
     cross,
     dot,
     norm,
     row,
+    row3,
     scaled,
     sub,
     turned,
@@ -485,9 +485,3 @@ def apply(
         moment = add(moment, cross(point, force))
     load(loads, liner.helmet, total, sub(moment, cross(helmet.origin, total)))
     count_surface(loads, HELMET, total, moment, friction)
-
-
-@compiled
-def row3(values: FloatArray, first: int) -> Vec:
-    """Three numbers of a flat array."""
-    return values[first], values[first + 1], values[first + 2]

@@ -84,6 +84,12 @@ def row(array: FloatArray, i: int) -> Vec:
 
 
 @inlined
+def row3(array: FloatArray, first: int) -> Vec:
+    """Three numbers of a flat array, from ``first`` on."""
+    return array[first], array[first + 1], array[first + 2]
+
+
+@inlined
 def matrix(array: FloatArray, i: int) -> Mat:
     """Row i of an array of shape (n, 9)."""
     return (

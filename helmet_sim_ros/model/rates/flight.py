@@ -16,6 +16,7 @@ from helmet_sim_ros.model.force.vector import (
     matrix_of,
     quaternion,
     row,
+    row3,
     scaled,
     sub,
     turned,
@@ -59,12 +60,6 @@ class Push(NamedTuple):
     inner: Vec
     about: Vec
     shell: Vec
-
-
-@inlined
-def row3(array: FloatArray, first: int) -> Vec:
-    """Three numbers of an array from the first on."""
-    return array[first], array[first + 1], array[first + 2]
 
 
 @inlined

@@ -13,6 +13,7 @@ from helmet_sim_ros.model.force.vector import (
     cross,
     dot,
     matrix_of,
+    row3,
     scaled,
     sub,
     turned,
@@ -28,7 +29,6 @@ from helmet_sim_ros.model.rates.flight import (
     pushed,
     put_bodies,
     put_joints,
-    row3,
     stepped,
 )
 from helmet_sim_ros.model.rates.large import head_rate, hold, joint_velocity, next_length, renew
