@@ -15,11 +15,13 @@ from helmet_sim_ros.model.force.foam import (
     CONSTANTS,
     LIMIT,
     POINTS,
+    RATE_EXPONENT,
     bottoming_strain,
     energy_between,
     foam_row,
     in_series,
     loading_stress,
+    rate_factor,
     residual_strain,
     rows_of,
     table_row,
@@ -100,6 +102,27 @@ def test_an_impact_on_a_tabled_foam_is_that_on_the_law(tmp_path: Path) -> None:
                             overrides={**common, "helmet.liner.foam": foam})  # fmt: skip
         peaks.append(evaluate(simulate(setup)).peak_g.value)
     assert peaks[1] == pytest.approx(peaks[0], rel=0.01)
+
+
+def test_a_slow_test_of_a_foam_is_brought_to_the_rate_of_an_impact(tmp_path: Path) -> None:
+    share = (0.01 / 100.0) ** RATE_EXPONENT
+    fit = fit_foam(read_curves(laboratory(tmp_path / "slow.csv", [(0.01, share)])), 60.0)
+    assert fit.foam.rate == 0.01 and fit.foam.rate_exponent is None
+    row = rows_of(fit.foam, np.array([60.0]), 0.05)[0]
+    assert loading_stress(0.3, row) == pytest.approx(eps(0.3), rel=0.01)
+    assert loading_stress(0.3, row) * rate_factor(0.01, row) == pytest.approx(
+        float(np.interp(0.3, fit.strain, fit.stress)), rel=1e-3
+    )
+
+
+def test_of_several_rates_the_liner_follows_the_power_that_was_found(tmp_path: Path) -> None:
+    tests = [(rate, rate**0.05) for rate in (0.01, 1.0, 10.0)]
+    path = laboratory(tmp_path / "t.csv", tests)
+    fit = fit_foam(read_curves(path), 60.0, rate=10.0)
+    row = rows_of(fit.foam, np.array([60.0]), 0.05)[0]
+    for rate, factor in tests:
+        stress = loading_stress(0.3, row) * rate_factor(rate, row)
+        assert stress == pytest.approx(factor * eps(0.3), rel=0.01)
 
 
 def test_two_layers_bear_one_stress_and_share_the_strain() -> None:

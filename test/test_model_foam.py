@@ -271,6 +271,25 @@ def test_columns_that_are_not_near_the_surface_cannot_touch_it(name: str) -> Non
         assert np.array_equal(getattr(liners[0], state), getattr(liners[1], state))
 
 
+def test_a_column_is_as_hard_as_the_fastest_rate_of_its_contact() -> None:
+    """A tenth of the speed: 10^-m of the force; slowing down takes nothing, letting go does."""
+    surface, still = load_surface("ground").compiled(0.0), np.zeros(3)
+
+    def force(pressed: CrushingLiner, depth: float, speed: float) -> float:
+        loads, at = nothing_yet(), np.array([0.0, 0.0, 0.14 - depth])
+        motion = moving(at, Rotation.identity(), still, np.array([0.0, 0.0, -speed]))
+        liner.apply(pressed, surface, 5e-5, motion, loads)
+        return float(loads.surface[HELMET, FORCE + 2])
+
+    fast, slow = fresh_liner(), fresh_liner()
+    share = 10.0**-foam.RATE_EXPONENT
+    assert force(slow, 0.01, 0.5) == pytest.approx(share * force(fast, 0.01, 5.0), rel=1e-12)
+    assert force(slow, 0.01, 0.5) == pytest.approx(share * force(fast, 0.01, 0.0), rel=1e-12)
+    first = force(fast, 0.02, 5.0)
+    assert force(fast, -0.01, -5.0) == 0.0
+    assert force(fast, 0.02, 0.5) == pytest.approx(share * first, rel=1e-12)
+
+
 def test_unloading_remembers_the_deepest_of_several_blows() -> None:
     surface = load_surface("ground").compiled(0.4)
 
@@ -296,6 +315,7 @@ def test_a_flat_press_is_what_a_plane_does_to_the_liner() -> None:
     outermost = -table.point[:, 2].min()
     for depth in (0.005, 0.015, 0.02, 0.0195):
         force = liner.press(table, np.array([0.0, 0.0, -1.0]), depth, largest, rest)
+        force *= foam.rate_factor(0.0, table.foam[0])  # at rest below
         loads, still = nothing_yet(), np.zeros(3)
         at = np.array([0.0, 0.0, outermost - depth])
         liner.apply(pressed, surface, 5e-5, moving(at, Rotation.identity(), still, still), loads)
@@ -349,7 +369,7 @@ def test_a_liner_pressed_on_a_hemisphere_bears_the_integral_over_the_overlap(
     inside = (distance < anvil) & (cosine > 0.0)
     row = foam.foam_row(helmet.liner.density, helmet.liner.energy_returned)
     strain = ((anvil - distance) * cosine / thickness)[inside]
-    stress = foam.loading_stresses(strain, row)
+    stress = foam.rate_factor(0.0, row) * foam.loading_stresses(strain, row)
     force = (stress * area[inside] * cosine[inside]) @ (away[inside] / distance[inside, None])
     surface = load_surface("hemisphere").compiled(0.0)
     pressed, loads, still = fresh_liner(count=count), nothing_yet(), np.zeros(3)

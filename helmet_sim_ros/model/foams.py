@@ -28,6 +28,12 @@ class Foam(Config):
     yield_stress: float | None = quantity(
         "stress of the plateau, dynamic", "Pa", None, ge=1e3, le=2e7
     )
+    rate: float = quantity(
+        "strain rate of the tests that the values are from", "1/s", 100.0, ge=1e-5, le=1e4
+    )
+    rate_exponent: float | None = quantity(
+        "power of the strain rate that stresses follow", "-", None, ge=0.0, le=0.3
+    )
     yield_exponent: float | None = quantity(
         "power of density that stresses follow", "-", None, ge=0.0, le=3.0
     )

@@ -9,6 +9,7 @@ again, is taken off the crush.
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 
 import numpy as np
@@ -16,7 +17,7 @@ import numpy as np
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.errors import SetupError
 from helmet_sim_ros.model.force.columns import columns, liner_rows
-from helmet_sim_ros.model.force.foam import bottoming_strain
+from helmet_sim_ros.model.force.foam import bottoming_strain, rate_factor
 from helmet_sim_ros.model.force.liner import press
 from helmet_sim_ros.model.helmet import Helmet, Spring, SpringLaw
 
@@ -122,9 +123,11 @@ def _peaks(helmet: Helmet, side: str, axis: FloatArray) -> tuple[FloatArray, Flo
     energy = _work(force, depth)
     mass = HEAD_MASS + helmet.mass
     most = min(energy[-1], 0.5 * mass * FASTEST**2)
-    turns = [int(np.searchsorted(energy, most * share**2)) for share in SPEEDS]
-    turns = [min(turn, STEPS - 1) for turn in turns]
-    return depth[turns], force[turns], _loss(helmet, axis, depth[: turns[-1] + 1])
+    fastest = math.sqrt(2.0 * most / mass)
+    quick = np.array([rate_factor(share * fastest / thickness, foam) for share in SPEEDS])
+    needed = most * np.square(SPEEDS) / quick
+    turns = np.minimum(np.searchsorted(energy, needed), STEPS - 1)
+    return depth[turns], quick * force[turns], _loss(helmet, axis, depth[: turns[-1] + 1])
 
 
 def _loss(helmet: Helmet, axis: FloatArray, depth: FloatArray) -> float:

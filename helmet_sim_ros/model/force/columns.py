@@ -16,7 +16,7 @@ import numpy as np
 
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.model.foams import load_foam
-from helmet_sim_ros.model.force.foam import foam_rows, in_series, rows_of
+from helmet_sim_ros.model.force.foam import CONSTANTS, foam_rows, in_series, rows_of
 from helmet_sim_ros.model.geometry import ZONES, Geometry, read_geometry
 from helmet_sim_ros.model.helmet import Helmet, Liner
 
@@ -30,7 +30,7 @@ class Columns(NamedTuple):
         area: (n,) [m^2].
         thickness: of the liner, (n,) [m].
         radius: of a disc of the cell's area, (n,) [m].
-        foam: constants of each column's foam, (n, 5), with a table (n, 133); see
+        foam: constants of each column's foam, (n, 6), with a table (n, 134); see
             :mod:`helmet_sim_ros.model.force.foam`.
     """
 
@@ -45,7 +45,7 @@ class Columns(NamedTuple):
 def no_columns() -> Columns:
     """What a spring helmet has."""
     none = np.zeros(0)
-    return Columns(np.zeros((0, 3)), np.zeros((0, 3)), none, none, none, np.zeros((0, 5)))
+    return Columns(np.zeros((0, 3)), np.zeros((0, 3)), none, none, none, np.zeros((0, CONSTANTS)))
 
 
 @lru_cache(maxsize=8)

@@ -28,8 +28,10 @@ from helmet_sim_ros.model.force.bodies import (
 from helmet_sim_ros.model.force.columns import Columns
 from helmet_sim_ros.model.force.foam import (
     MODULUS,
+    SLOWEST,
     loading_stress,
     mean_over_point,
+    rate_factor,
     residual_strain,
     unloading_stress,
 )
@@ -90,6 +92,8 @@ class CrushingLiner(NamedTuple):
         largest: largest strain so far, (n,); state.
         rest: the residual strain that belongs to it, below 0: not yet known, (n,); state.
         stick: elastic shear deflection (3), world axes, and plastic path, (n, 4) [m]; state.
+        rate: fastest strain rate of the present contact [1/s], 0: none, and the factor that it
+            puts on the stress, (n, 2); state.
         near: which columns may touch; state.
     """
 
@@ -102,6 +106,7 @@ class CrushingLiner(NamedTuple):
     largest: FloatArray
     rest: FloatArray
     stick: FloatArray
+    rate: FloatArray
     near: Near
 
 
@@ -116,7 +121,7 @@ def crushing_liner(
     )
     return CrushingLiner(
         columns, helmet, shell.center, shell.semi_axes, measured, np.zeros((shapes, 3)), largest,
-        np.full(n, -1.0), np.zeros((n, 4)), near,
+        np.full(n, -1.0), np.zeros((n, 4)), np.zeros((n, 2)), near,
     )  # fmt: skip
 
 
@@ -152,7 +157,7 @@ def moved(near: Near, surface: Surface, position: FloatArray, rotation: FloatArr
 @compiled
 def find_near(liner: CrushingLiner, surface: Surface, motion: Motion) -> None:
     """List the columns that touch the surface or may before the helmet has moved by ``MARGIN``."""
-    near, points, radii, sticks = liner.near, liner.columns.point, liner.columns.radius, liner.stick
+    near, points, radii = liner.near, liner.columns.point, liner.columns.radius
     position, rotation = motion.position[liner.helmet], motion.rotation[liner.helmet]
     # An infinite entry (nothing listed yet) gives infinity or nan: neither is below the margin.
     if moved(near, surface, position, rotation) < MARGIN:
@@ -181,8 +186,25 @@ def find_near(liner: CrushingLiner, surface: Surface, motion: Motion) -> None:
             listed[count] = i
             count += 1
         else:
-            sticks[i, 0] = sticks[i, 1] = sticks[i, 2] = sticks[i, 3] = 0.0
+            release(liner, i)
     listed[-1] = count
+
+
+@inlined
+def release(liner: CrushingLiner, i: int) -> None:
+    """A column touches nothing any more."""
+    stick, rate = liner.stick, liner.rate
+    stick[i, 0] = stick[i, 1] = stick[i, 2] = stick[i, 3] = rate[i, 0] = 0.0
+
+
+@inlined
+def quickened(liner: CrushingLiner, i: int, rate: float) -> float:
+    """Factor that a column's strain rate [1/s], now and since it touched, puts on its stress."""
+    if rate > liner.rate[i, 0] or liner.rate[i, 0] == 0.0:
+        liner.rate[i, 0] = max(rate, SLOWEST)
+        liner.rate[i, 1] = rate_factor(rate, liner.columns.foam[i])
+    factor: float = liner.rate[i, 1]
+    return factor
 
 
 @compiled
@@ -219,22 +241,25 @@ def apply(
         sagitta = min(0.125 * radius * radius * curvature, SAGITTA * radius)
         share, low, high = part_below(-distance - sagitta, radius, cosine)
         if share == 0.0:
-            stick[0] = stick[1] = stick[2] = stick[3] = 0.0
+            release(liner, i)
             continue
         thickness, foam = thicknesses[i], foams[i]
         stress = compressed(
             low * cosine / thickness, high * cosine / thickness, foam, i, largest, rest
         )
         if stress <= 0.0:
-            stick[0] = stick[1] = stick[2] = stick[3] = 0.0
+            release(liner, i)
             continue
         area = areas[i] * share * cosine
         # The crushed shell lies on the surface: velocity of the helmet frame there.
         touch = add(point, scaled(normal, -distance))
-        slip = across(sub(velocity_at(helmet, touch), row(surface.velocity, shape)), normal)
+        velocity = sub(velocity_at(helmet, touch), row(surface.velocity, shape))
+        slip = across(velocity, normal)
+        factor = quickened(liner, i, -dot(velocity, normal) * cosine / thickness)
+        stress *= factor
         # Crushed cell walls have buckled: they yield in shear along the secant modulus.
         secant = loading_stress(largest[i], foam) / largest[i]
-        per_modulus = area / (2.0 * (1.0 + POISSON) * thickness)
+        per_modulus = factor * area / (2.0 * (1.0 + POISSON) * thickness)
         limit = surface.friction[shape] * stress * area
         rubbed = yielding_force(
             foam[MODULUS] * per_modulus,
@@ -304,7 +329,7 @@ def compressed(
 def press(
     columns: Columns, axis: FloatArray, depth: float, largest: FloatArray, rest: FloatArray
 ) -> float:
-    """Force [N] of a plane pressed flat into the liner.
+    """Force [N] of a plane pressed flat into the liner, at the rate of the foams' constants.
 
     Args:
         columns: of the helmet.

@@ -43,6 +43,8 @@ from helmet_sim_ros.model.force.liner import (
     find_near,
     is_flat,
     part_below,
+    quickened,
+    release,
 )
 from helmet_sim_ros.model.force.plate import Plate, move, plate, rests, soften
 from helmet_sim_ros.model.force.vector import (
@@ -332,6 +334,8 @@ def press(shell: Shell, liner: CrushingLiner, early: float) -> None:
         stress = compressed(low * over, high * over, foams[c], c, largest, rest)
         if stress <= 0.0:
             continue
+        # The plate follows without inertia: the helmet's speed is what compresses.
+        stress *= quickened(liner, c, -rate * over)
         force = stress * areas[c] * share * cosine
         state[c, PUSHED] = force
         # Of the line to where it has no force: its tangent as it unloads and before it yields.
@@ -469,12 +473,13 @@ def apply(
         c = listed[n]
         pushed, stick = state[c, PUSHED], sticks[c]
         if pushed <= 0.0:
-            stick[0] = stick[1] = stick[2] = 0.0
+            release(liner, c)
             continue
         point = world_point(helmet, row(points, c))
         slip = across(velocity_at(helmet, point), up)
         shear = loading_stress(largest[c], foams[c]) / largest[c] / (2.0 * (1.0 + POISSON))
         shear *= liner.columns.area[c] * state[c, COSINE] / liner.columns.thickness[c]
+        shear *= liner.rate[c, 1]
         rubbed = friction_force(
             shear, RELAXATION - motion.ahead,
             shell.friction[int(state[c, CELL_U]), int(state[c, CELL_V])] * pushed,

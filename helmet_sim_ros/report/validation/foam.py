@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from helmet_sim_ros.model.force.foam import RATE, RATE_EXPONENT
 from helmet_sim_ros.report.validation.table import table
 from helmet_sim_ros.study.validation.foam import FoamReference, density_exponents, foam_findings
 
@@ -13,10 +14,10 @@ def foam_section(reference: FoamReference) -> str:
     found = foam_findings(reference)
     parts = [
         "## Foam against compression data\n",
-        f"The law of `model/force/foam.py` stands for about {reference.law_rate:g} 1/s. *At the "
-        "test's rate*: the law times 1 + a log10(rate / law's rate) with a = "
-        f"{reference.rate_sensitivity.value:g} per decade ({reference.rate_sensitivity.source}). "
-        "The loop itself has no rate in it. Data: `config/references/eps.yaml`.\n",
+        f"The constants of `model/force/foam.py` stand for {RATE:g} 1/s. *At the test's rate*: "
+        f"times (rate / {RATE:g} 1/s)^{RATE_EXPONENT:g}, as in the model. The power was derived "
+        "with the static table below, so at 40 kg/m^3 the agreement is no evidence. Data: "
+        "`config/references/eps.yaml`.\n",
     ]
     for data in reference.data:
         own = [one for one in found if one.data is data]

@@ -13,11 +13,17 @@ from scipy.optimize import least_squares
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.errors import SetupError
 from helmet_sim_ros.model.foams import POINTS, Foam
-from helmet_sim_ros.model.force.foam import SOLID_DENSITY, foam_row, loading_stress, rows_of
+from helmet_sim_ros.model.force.foam import (
+    RATE,
+    RATE_EXPONENT,
+    SOLID_DENSITY,
+    foam_row,
+    loading_stress,
+    rows_of,
+)
 from helmet_sim_ros.study.foams.curve import Curve
 
-#: Strain rate for which a table is made [1/s]: 5 m/s on 44 mm of liner, rounded.
-IMPACT_RATE = 100.0
+STEEPEST = 0.3  # power of the strain rate, at most
 #: Densities for which a table is used, over the tested one: stresses follow a power of it.
 SPREAD = 0.25
 STRAINS = np.linspace(0.05, 0.6, 56)  # where rates are compared: past yield, before densification
@@ -61,20 +67,22 @@ def fit_foam(
     density: float,
     source: str = "",
     solid_density: float = SOLID_DENSITY,
-    rate: float = IMPACT_RATE,
+    rate: float = RATE,
 ) -> FoamFit:
     """A foam of tests at one density.
 
     Of several rates, ln s = a(e) + m ln(rate) gives m, and the table is that of ``rate``: between
-    tested rates by interpolation, beyond them by the power. Beyond the last tested strain it
-    follows the fitted law up to 95 % of the strain without pores.
+    tested rates by interpolation, beyond them by the power; the liner then follows the power from
+    there. A single test is the table, for its own rate if that is told; the liner follows EPS's
+    power. Beyond the last tested strain it follows the fitted law up to 95 % of the strain without
+    pores.
 
     Args:
         curves: of one foam.
         density: tested [kg/m^3].
         source: where the tests come from.
         solid_density: of the polymer [kg/m^3].
-        rate: for which the table is made [1/s].
+        rate: for which the table of several tests is made [1/s].
 
     Raises:
         SetupError: no curve, or a foam that no liner is made of.
@@ -84,17 +92,25 @@ def fit_foam(
     exponent, spread = rate_exponent(curves) if len(curves) > 1 else (None, 0.0)
     notes = [_told(curve) for curve in curves]
     base = _nearest(curves, rate)
-    factor = 1.0
+    factor, power = 1.0, None
     if exponent is not None and base.rate is not None:
         factor = (rate / base.rate) ** exponent
+        power = min(max(exponent, 0.0), STEEPEST)
         notes.append(
             f"stress ~ rate^{exponent:.3f} (+-{spread:.3f} over the strains); the table is for "
-            f"{rate:g} 1/s, {factor:.3f} times the test at {base.rate:g} 1/s"
+            f"{rate:g} 1/s, {factor:.3f} times the test at {base.rate:g} 1/s; other rates follow "
+            f"rate^{power:.3f}"
+        )
+    elif not base.rate:
+        rate = RATE
+        notes.append(
+            f"one test, at an unknown rate: taken as {RATE:g} 1/s, that of impacts, where foams "
+            "are stiffer than in slow tests"
         )
     else:
-        known = "an unknown rate" if base.rate is None else f"{base.rate:g} 1/s"
+        rate = base.rate
         notes.append(
-            f"one test, at {known}: used as it is; foams are stiffer at an impact's {rate:g} 1/s"
+            f"one test, at {rate:g} 1/s: the table; other rates follow rate^{RATE_EXPONENT:g} (EPS)"
         )
     tested = Curve(base.strain, factor * base.stress, rate, base.raised)
     law = _fitted_law(tested, density, solid_density)
@@ -124,6 +140,8 @@ def fit_foam(
             "description": f"Table of {len(curves)} compression tests at {density:g} kg/m^3.",
             "source": source,
             "densities": spread_of,
+            "rate": rate,
+            "rate_exponent": power,
             "limit": limit,
             "stress": tuple(float(f"{s:.6g}") for s in stress),
             "yield_stress": tested.plateau,

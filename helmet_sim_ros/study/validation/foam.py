@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +11,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from helmet_sim_ros.errors import SetupError
-from helmet_sim_ros.model.force.foam import foam_row, loading_stress
+from helmet_sim_ros.model.force.foam import foam_row, loading_stress, rate_factor
 from helmet_sim_ros.resources import share_directory
 from helmet_sim_ros.schema import Config, quantity
 from helmet_sim_ros.study.validation.experiments import Reading
@@ -47,29 +46,16 @@ class FoamData(Config):
         return _built(data, "points", FoamPoint)
 
 
-class RateSensitivity(Config):
-    """Growth of the stress per decade of strain rate."""
-
-    value: float = quantity("per decade", "-", ge=0.0, le=0.5)
-    source: str = Field(description="where it is from")
-
-
 class FoamReference(Config):
     """Everything that is known of EPS here."""
 
     description: str = ""
-    law_rate: float = quantity("strain rate that the law's constants stand for", "1/s", gt=0.0)
-    rate_sensitivity: RateSensitivity
     data: tuple[FoamData, ...]
 
     @model_validator(mode="before")
     @classmethod
     def _data(cls, data: Any) -> Any:
         return _built(data, "data", FoamData)
-
-    def rate_factor(self, rate: float) -> float:
-        """Stress at a strain rate [1/s] over that at the law's."""
-        return 1.0 + self.rate_sensitivity.value * math.log10(rate / self.law_rate)
 
 
 @dataclass(frozen=True)
@@ -107,10 +93,10 @@ def foam_findings(reference: FoamReference) -> tuple[FoamFinding, ...]:
     """The law at every published point."""
     found = []
     for data in reference.data:
-        factor = reference.rate_factor(data.rate)
         for point in data.points:
-            law = float(loading_stress(point.strain, foam_row(point.density, 0.05)))
-            found.append(FoamFinding(data, point, law, law * factor))
+            row = foam_row(point.density, 0.05)
+            law = float(loading_stress(point.strain, row))
+            found.append(FoamFinding(data, point, law, law * rate_factor(data.rate, row)))
     return tuple(found)
 
 
