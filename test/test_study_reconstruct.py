@@ -75,7 +75,7 @@ def test_a_crash_is_found_again_with_its_uncertainty(sliding) -> None:
     low, _, high = result.interval("normal_velocity")
     assert high - low < 0.5
     assert 0.8 < result.misfit < 1.2
-    assert result.emulator_error < 0.3 * NOISE  # of a crush that is followed from both ends
+    assert result.emulator_error < 0.4 * NOISE  # of a crush that is followed from both ends
 
 
 def test_a_long_crush_is_followed_from_both_ends() -> None:
@@ -99,7 +99,7 @@ def test_a_few_depths_tell_less_than_a_map(sliding) -> None:
     deepest = np.argsort(-whole.depth)[:4]
     few = reconstruct(CrushMap(whole.place[deepest], whole.depth[deepest]), FOAM, NOISE)
     for name in ("normal_velocity", "azimuth"):
-        assert few.told[name] > 1.5 * map_.told[name]
+        assert few.told[name] > 1.3 * map_.told[name]
     low, _, high = few.interval("normal_velocity", 0.99)
     assert low <= 5.5 <= high
 

@@ -44,6 +44,7 @@ RATE = 100.0
 #: typical foam exceeds the table's minima; solid polystyrene yields 5 to 8 % higher per decade
 #: (general literature value).
 RATE_EXPONENT = 0.021
+POISSON = 0.1  # EPS (general literature value): G = E / (2 (1 + nu))
 SLOWEST = 1e-3  # 1/s, of compression tests; slower is as slow
 #: Share of the densification strain 1 - r beyond which the law goes on as a straight line.
 LINEAR_FROM = 0.95

@@ -28,6 +28,7 @@ from helmet_sim_ros.model.force.bodies import (
 from helmet_sim_ros.model.force.columns import Columns
 from helmet_sim_ros.model.force.foam import (
     MODULUS,
+    POISSON,
     SLOWEST,
     loading_stress,
     mean_over_point,
@@ -54,8 +55,6 @@ from helmet_sim_ros.model.surface.carrier import farthest, react, remember
 from helmet_sim_ros.model.surface.compiled import HALF_SPACE, Surface
 from helmet_sim_ros.model.surface.deepest import deepest_point
 from helmet_sim_ros.model.surface.shapes import nearest, signed_distance
-
-POISSON = 0.1  # EPS (general literature value): G = E / (2 (1 + nu))
 
 MARGIN = 0.004  # m, of the list of columns near the surface; any value gives the same forces
 REACH = 0.4  # m, no column is farther from the origin of the helmet frame

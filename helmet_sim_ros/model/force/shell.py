@@ -34,10 +34,9 @@ from helmet_sim_ros.model.force.bodies import (
     velocity_at,
     world_point,
 )
-from helmet_sim_ros.model.force.foam import loading_stress
+from helmet_sim_ros.model.force.foam import POISSON, loading_stress
 from helmet_sim_ros.model.force.friction import RELAXATION, friction_force
 from helmet_sim_ros.model.force.liner import (
-    POISSON,
     CrushingLiner,
     compressed,
     find_near,

@@ -7,12 +7,14 @@ is the length of the displacement and the force lies along it; each axis contrib
 the square of the direction's cosine, so that along an axis its own law holds, and equal laws make
 an isotropic spring.
 
-A shell that rolls leaves crushed liner behind and comes down on fresh liner. The spring bears over
+What follows makes the spring that of a liner. Nothing of it is fitted, and a helmet that bears at a
+point has none of it. A displacement across the pressure counts as much less as foam is softer in
+shear. A shell that rolls leaves crushed liner behind and comes down on fresh liner: it bears over
 the patch in which the shell of local radius R = a b c / (a^2 n_x^2 + b^2 n_y^2 + c^2 n_z^2) (from
-the Gaussian curvature of its ellipsoid) lies d below the plane, of radius sqrt(2 R d). Its leading
-and its trailing half, each half of the spring with a memory of its own, are lowered and raised by
-the roll at the centroid of half a disc. Where they bear unevenly the force of the surface moves
-forward and brakes the roll. Nothing here is fitted; a helmet that bears at a point has neither.
+the Gaussian curvature of its ellipsoid) lies d below the plane, of radius sqrt(2 R d). Strips of
+equal area across the roll, each an equal part of the spring with a memory of its own, are lowered
+before the middle and raised behind it by the roll at their centroids. Where they bear unevenly the
+force of the surface moves forward and brakes the roll.
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import brentq
 
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.model.compiled import compiled
@@ -34,19 +37,37 @@ from helmet_sim_ros.model.force.bodies import (
     load,
     rigid,
 )
-from helmet_sim_ros.model.force.vector import Vec, cross, dot, norm, scaled, sub, turned_back
+from helmet_sim_ros.model.force.foam import POISSON
+from helmet_sim_ros.model.force.vector import Vec, cross, dot, norm, row3, scaled, sub, turned_back
 from helmet_sim_ros.model.helmet import Spring
 
 #: Which law acts for each sense of the helmet's displacement in the head frame: -x +x -y +y -z +z.
 SIDES = ("front", "back", "side", "side", "top", "strap")
 #: Columns of ``CouplingSpring.law``.
 SCALE, EXPONENT = 0, 1
-#: Halves of the patch: rows of ``CouplingSpring.behind``.
-TRAILING, LEADING = 0, 1
-CENTROID = 4.0 / (3.0 * math.pi)  # of half a disc, over its radius
-#: Largest that rolling alone can leave a half behind, over the compression: the mean of
-#: x^2 / (2 R) over a patch of radius sqrt(2 R d).
-LEFT_BEHIND = 1.0 / 3.0
+#: A displacement across the pressure counts by this: a layer of foam is as stiff in shear as its
+#: secant modulus over 2 (1 + nu) says, see :mod:`helmet_sim_ros.model.force.liner`.
+SHEAR = (2.0 * (1.0 + POISSON)) ** -0.5
+STRIPS = 8  # of the patch, from the trailing to the leading edge
+
+
+def strips_of_disc(count: int) -> tuple[FloatArray, FloatArray]:
+    """Strips of equal area across a disc of radius 1: centroids, and means of x^2, (count,)."""
+
+    def area(x: float) -> float:
+        return (x * math.sqrt(1.0 - x * x) + math.asin(x)) / math.pi + 0.5
+
+    edges = [-1.0, *(brentq(lambda x, k=k: area(x) - k / count, -1.0, 1.0)
+                     for k in range(1, count)), 1.0]  # fmt: skip
+    x = np.array(edges)
+    first = -2.0 / 3.0 * (1.0 - x * x) ** 1.5
+    second = 0.25 * (np.arcsin(x) - x * np.sqrt(1.0 - x * x) * (1.0 - 2.0 * x * x))
+    return np.diff(first) * count / math.pi, np.diff(second) * count / math.pi
+
+
+#: Of each strip: centroid over the patch's radius, and the most that rolling alone can leave it
+#: behind over the compression, the mean of x^2 / (2 R) in a patch of radius sqrt(2 R d).
+PLACE, LEFT_BEHIND = strips_of_disc(STRIPS)
 
 
 class CouplingSpring(NamedTuple):
@@ -59,10 +80,12 @@ class CouplingSpring(NamedTuple):
         law: A [N], B [1/m], (6, 2).
         energy_loss: share of the loading energy that is not given back [-].
         semi_axes: of the shell's ellipsoid [m]; all 0: it bears at a point.
+        shear: of a displacement across the pressure, how much counts [-].
         past: largest compression so far, and the last one, (2,) [m]; state.
-        behind: how far each half of the patch is below its own largest compression, (2,) [m];
-            state.
+        behind: how far each strip of the patch is below its own largest compression, (strips,)
+            [m]; state.
         along: direction of the last roll, world axes, (3,); state.
+        normal: of what pressed the shell last, helmet frame, all 0: nothing yet, (3,); state.
     """
 
     slide: int
@@ -71,9 +94,11 @@ class CouplingSpring(NamedTuple):
     law: FloatArray
     energy_loss: float
     semi_axes: Vec
+    shear: float
     past: FloatArray
     behind: FloatArray
     along: FloatArray
+    normal: FloatArray
 
 
 def law_table(spring: Spring) -> FloatArray:
@@ -89,11 +114,12 @@ def coupling_spring(
     helmet: int = 0,
 ) -> CouplingSpring:
     """The virgin spring of a configuration; ``semi_axes``: of the shell it belongs to [m]."""
+    shear = SHEAR
     if spring.bears == "point":
-        semi_axes = (0.0, 0.0, 0.0)
+        semi_axes, shear = (0.0, 0.0, 0.0), 1.0
     return CouplingSpring(
-        slide, slide_velocity, helmet, law_table(spring), spring.energy_loss, semi_axes,
-        np.zeros(2), np.zeros(2), np.zeros(3),
+        slide, slide_velocity, helmet, law_table(spring), spring.energy_loss, semi_axes, shear,
+        np.zeros(2), np.zeros(STRIPS), np.zeros(3), np.zeros(3),
     )  # fmt: skip
 
 
@@ -162,29 +188,42 @@ def unloading_force(peak: float, force: float, exponent: float, compression: flo
 
 @compiled
 def follow(spring: CouplingSpring, compression: float, rolled: float) -> None:
-    """Carry on what each half of the patch remembers.
+    """Carry on what each strip of the patch remembers.
 
     Args:
         spring: its state is changed in place.
         compression: at present [m].
-        rolled: how much roll has lowered the leading half, and raised the trailing one, since the
-            last call [m].
+        rolled: how much roll has lowered the leading edge of the patch, and raised the trailing
+            one, since the last call [m].
     """
     past, behind = spring.past, spring.behind
     risen = past[1] - compression
     past[0], past[1] = max(past[0], compression), compression
-    most = past[0] - compression + LEFT_BEHIND * compression
-    behind[TRAILING] = min(max(0.0, behind[TRAILING] + risen + rolled), most)
-    behind[LEADING] = min(max(0.0, behind[LEADING] + risen - rolled), most)
+    for i in range(STRIPS):
+        most = past[0] - compression + LEFT_BEHIND[i] * compression
+        behind[i] = min(max(0.0, behind[i] + risen - PLACE[i] * rolled), most)
 
 
 @compiled
-def force_of_half(
-    spring: CouplingSpring, displacement: FloatArray, compression: float, half: int
+def counting(spring: CouplingSpring, vector: FloatArray) -> Vec:
+    """A displacement or a force with what shear lets count of it across the pressure."""
+    x, y, z = vector[0], vector[1], vector[2]
+    n = spring.normal
+    over = (1.0 - spring.shear) * (x * n[0] + y * n[1] + z * n[2])
+    if n[0] == 0.0 and n[1] == 0.0 and n[2] == 0.0:
+        return x, y, z
+    return (
+        spring.shear * x + over * n[0], spring.shear * y + over * n[1],
+        spring.shear * z + over * n[2],
+    )  # fmt: skip
+
+
+@compiled
+def force_behind(
+    spring: CouplingSpring, displacement: Vec, compression: float, behind: float
 ) -> float:
-    """Force of a whole spring with the memory of one half [N]."""
-    behind, force = spring.behind[half], 0.0
-    peak = compression + behind
+    """Force of a spring that is ``behind`` [m] its largest compression [N]."""
+    force, peak = 0.0, compression + behind
     for axis in range(3):
         share = (displacement[axis] / compression) ** 2
         side = 2 * axis if displacement[axis] < 0.0 else 2 * axis + 1
@@ -214,36 +253,34 @@ def spring_force(
         force: shape (3,) [N]; written.
 
     Returns:
-        How much more the leading half bears than the trailing one, over their sum [-].
+        How far the middle of what the strips bear lies before that of the patch, over its radius.
     """
-    x, y, z = displacement[0], displacement[1], displacement[2]
-    compression = (x * x + y * y + z * z) ** 0.5
+    counted = counting(spring, displacement)
+    compression = norm(counted)
     force[:] = 0.0
     follow(spring, compression, rolled)
     if compression == 0.0:
         return 0.0
-    trailing = force_of_half(spring, displacement, compression, TRAILING)
-    leading = trailing
-    if spring.behind[LEADING] != spring.behind[TRAILING]:
-        leading = force_of_half(spring, displacement, compression, LEADING)
-    both = trailing + leading
+    total, forward, here, last = 0.0, 0.0, 0.0, -1.0
+    for i in range(STRIPS):
+        if spring.behind[i] != last:  # most strips are new to their compression, or all alike
+            last = spring.behind[i]
+            here = force_behind(spring, counted, compression, last) / STRIPS
+        total += here
+        forward += here * PLACE[i]
     for axis in range(3):
-        force[axis] = -0.5 * both * displacement[axis] / compression
-    return (leading - trailing) / both if both > 0.0 else 0.0
+        force[axis] = -total * counted[axis] / compression
+    force[0], force[1], force[2] = counting(spring, force)
+    # As many strips lie before the middle as behind it: what bears alike adds up to rounding.
+    return forward / total if abs(forward) > 1e-12 * total else 0.0
 
 
 @compiled
-def lever(spring: CouplingSpring, normal: Vec, compression: float) -> float:
-    """Distance of a half's centroid from the middle of the patch [m].
-
-    Args:
-        spring: constants.
-        normal: of the struck surface, helmet frame.
-        compression: [m].
-    """
-    a, b, c = spring.semi_axes
+def patch_radius(spring: CouplingSpring, compression: float) -> float:
+    """Radius of the patch on which the shell bears at a compression [m], [m]."""
+    (a, b, c), normal = spring.semi_axes, spring.normal
     stretched = (a * normal[0]) ** 2 + (b * normal[1]) ** 2 + (c * normal[2]) ** 2
-    return CENTROID * float((2.0 * a * b * c / stretched * compression) ** 0.5)
+    return float((2.0 * a * b * c / stretched * compression) ** 0.5)
 
 
 @compiled
@@ -261,25 +298,24 @@ def apply(spring: CouplingSpring, step: float, motion: Motion, loads: Loads) -> 
         return
     displacement = motion.qpos[spring.slide : spring.slide + 3]
     struck = loads.surface[HELMET]
-    pressed = sub(
-        (struck[FORCE], struck[FORCE + 1], struck[FORCE + 2]),
-        (struck[FRICTION], struck[FRICTION + 1], struck[FRICTION + 2]),
-    )
-    size, arm, rate, along = norm(pressed), 0.0, 0.0, (0.0, 0.0, 0.0)
+    whole = row3(struck, FORCE)
+    pressed = sub(whole, row3(struck, FRICTION))
+    size, radius, rate, along = norm(pressed), 0.0, 0.0, (0.0, 0.0, 0.0)
     if size > 0.0 and spring.semi_axes[0] > 0.0:
         helmet = rigid(motion, spring.helmet)
         normal = scaled(pressed, 1.0 / size)
-        x, y, z = displacement[0], displacement[1], displacement[2]
-        arm = lever(spring, turned_back(helmet.rotation, normal), (x * x + y * y + z * z) ** 0.5)
+        spring.normal[0], spring.normal[1], spring.normal[2] = turned_back(helmet.rotation, normal)
+        radius = patch_radius(spring, norm(counting(spring, displacement)))
         along = cross(helmet.spin, normal)
         rate = norm(along)
         if dot(along, (spring.along[0], spring.along[1], spring.along[2])) < 0.0:  # rolls back
             behind = spring.behind
-            behind[TRAILING], behind[LEADING] = behind[LEADING], behind[TRAILING]
+            for i in range(STRIPS // 2):
+                behind[i], behind[STRIPS - 1 - i] = behind[STRIPS - 1 - i], behind[i]
         spring.along[0], spring.along[1], spring.along[2] = along
-    uneven = spring_force(spring, displacement, arm * rate * step, loads.spring)
-    if uneven != 0.0 and rate > 0.0:
-        couple = cross(scaled(along, arm * uneven / rate), pressed)
+    forward = spring_force(spring, displacement, radius * rate * step, loads.spring)
+    if forward != 0.0 and rate > 0.0:
+        couple = cross(scaled(along, radius * forward / rate), whole)
         load(loads, spring.helmet, (0.0, 0.0, 0.0), couple)
         count_surface(loads, HELMET, (0.0, 0.0, 0.0), couple, (0.0, 0.0, 0.0))
     for k in range(3):
@@ -289,17 +325,15 @@ def apply(spring: CouplingSpring, step: float, motion: Motion, loads: Loads) -> 
 @compiled
 def recoverable_energy(spring: CouplingSpring, displacement: FloatArray) -> float:
     """Energy that the spring would still give back at a displacement (3,) [m] in its present
-    state [J]: the area under the halves' unloading paths from 0 to the present compression."""
-    compression, energy = 0.0, 0.0
+    state [J]: the area under the strips' unloading paths from 0 to the present compression."""
+    counted, energy = counting(spring, displacement), 0.0
+    compression = norm(counted)
     for axis in range(3):
-        compression += displacement[axis] ** 2
-    compression = compression**0.5
-    for axis in range(3):
-        if displacement[axis] == 0.0:
+        if counted[axis] == 0.0:
             continue
-        side = 2 * axis if displacement[axis] < 0.0 else 2 * axis + 1
+        side = 2 * axis if counted[axis] < 0.0 else 2 * axis + 1
         scale, exponent = spring.law[side, SCALE], spring.law[side, EXPONENT]
-        share = 0.5 * (displacement[axis] / compression) ** 2
+        share = (counted[axis] / compression) ** 2 / STRIPS
         for behind in spring.behind:
             peak = compression + behind
             path = unloading_exponent(exponent, peak, spring.energy_loss)
