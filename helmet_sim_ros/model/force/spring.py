@@ -141,6 +141,8 @@ def exponential_share(u: float) -> float:
 def unloading_exponent(exponent: float, compression: float, energy_loss: float) -> float:
     """C [1/m] of the unloading path from ``compression`` that gives back 1 - energy_loss."""
     share = (1.0 - energy_loss) * exponential_share(exponent * compression)
+    if share < 0.05:  # the root of 1/u - exp(-u), to 1e-13
+        return (1.0 - math.exp(-1.0 / share) / share) / (share * compression)
     # Below the root: the share is convex, so Newton's steps rise to it without passing it.
     u = max(1e-9, 12.0 * (0.5 - share))
     if share < 0.32:
