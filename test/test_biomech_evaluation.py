@@ -330,6 +330,11 @@ def test_helmet_and_neck_criteria_come_from_their_channels() -> None:
     assert result.peak_neck_shear.value == pytest.approx(0.1 * pulse.max())
     assert result.peak_neck_bending.value == pytest.approx(0.01 * pulse.max())
     assert result.impulse_ratio.value == pytest.approx(0.3)
+    record.neck_force[:, 2] *= -0.5
+    pressed = evaluate(replace(record, setup=setup))
+    assert pressed.peak_neck_axial.note == "compression"
+    assert pressed.peak_neck_axial.value == pressed.peak_neck_compression.value
+    assert pressed.peak_neck_compression.value == pytest.approx(0.25 * pulse.max())
 
 
 def test_every_risk_says_that_it_is_informative() -> None:

@@ -242,6 +242,25 @@ def test_strains_in_percent_without_saying_so_are_refused(tmp_path: Path) -> Non
         read_curves(path)
 
 
+def test_the_figure_of_a_foam_shows_tests_table_and_law_in_megapascals(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib", reason="the figure needs the extra 'report'")
+    from helmet_sim_ros.report.figures.foam import foam_figure
+
+    table = laboratory(tmp_path / "t.csv", [(0.01, 0.8), (50.0, 1.0)])
+    fit = fit_foam(read_curves(table), density=60.0)
+    (axes,) = foam_figure(fit).axes
+    *tests, drawn, law = axes.lines
+    for line, curve in zip(tests, fit.curves, strict=True):
+        assert line.get_label() == f"test at {curve.rate:g} 1/s"
+        assert line.get_xdata() == pytest.approx(100.0 * curve.strain)  # %
+        assert line.get_ydata() == pytest.approx(curve.stress / 1e6)
+    assert drawn.get_ydata() == pytest.approx(fit.stress / 1e6)
+    assert law.get_ydata() == pytest.approx(fit.law_stress(fit.strain) / 1e6)
+    assert f"{100.0 * fit.error:.1f} %" in law.get_label()
+    assert axes.get_ylim() == pytest.approx((0.0, 6.0 * fit.foam.yield_stress / 1e6))
+    assert axes.get_xlim()[0] == 0.0 and axes.get_ylabel() == "stress [MPa]"
+
+
 def test_the_command_writes_a_foam_that_a_helmet_can_name(tmp_path: Path) -> None:
     table = laboratory(tmp_path / "t.csv", [(0.01, 0.8), (50.0, 1.0)])
     arguments = ["helmet", "foam", str(table), "--density", "60", "-o", str(tmp_path / "f.yaml"),

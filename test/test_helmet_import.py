@@ -90,7 +90,9 @@ def with_helmet(setup: ImpactSetup, helmet: Helmet) -> ImpactSetup:
 
 
 def cases(scenario: str) -> Iterator[ImpactSetup]:
-    yield from load_scenario(scenario).setups
+    """Until the blow is over: all peaks lie in its first half."""
+    for setup in load_scenario(scenario).setups:
+        yield setup.replaced({"duration": 0.02})
 
 
 def apart(setup: ImpactSetup, pair: Pair) -> tuple[Evaluation, Evaluation]:
