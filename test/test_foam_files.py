@@ -152,6 +152,21 @@ def test_german_tables_are_read(tmp_path: Path) -> None:
     assert curve.stress == pytest.approx([eps(e) for e in STRAIN], rel=1e-3, abs=1.0)
 
 
+def test_a_stress_that_falls_a_little_is_smoothed_and_the_share_is_told(tmp_path: Path) -> None:
+    """Two neighbours that fall become their mean: each moves by half of the fall."""
+    path = laboratory(tmp_path / "t.csv", [(5.0, 1.0)], unit="Pa", scale=1.0)
+    lines = path.read_text().splitlines()
+    i = len(STRAIN) // 3
+    strain, fallen = STRAIN[i], eps(STRAIN[i - 1]) - 3000.0
+    lines[i + 1] = f"{strain:.5f};{fallen:.6g}"
+    path.write_text("\n".join(lines))
+    (curve,) = read_curves(path)
+    assert curve.stress[i - 1] == curve.stress[i] == pytest.approx(fallen + 1500.0, rel=1e-4)
+    assert curve.raised == pytest.approx(1500.0 / curve.plateau, rel=5e-3)
+    told = f"smoothed by at most {100.0 * curve.raised:.1f} % of it"
+    assert any(told in note for note in fit_foam([curve], 60.0).notes)
+
+
 @pytest.mark.parametrize(
     ("unit", "pascals"),
     [("Pa", 1.0), ("kPa", 1e3), ("MPa", 1e6), ("N/mm2", 1e6), ("N/mm^2", 1e6), ("bar", 1e5),
