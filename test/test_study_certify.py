@@ -192,6 +192,10 @@ def test_json_csv_and_page_say_that_it_is_no_approval(r22: Certification, tmp_pa
     page = paths[".html"]
     assert page.index("no approval") < page.index("<h2>")
     assert page.count("<details id=") == len(r22.rows)
+    assert f"{r22.worst.hit.name}: {100.0 * r22.worst_margin:.1f} %" in page
+    assert f"all {len(r22.rows)} impacts are within the limits" in page
+    for row in r22.rows:
+        assert f">{100.0 * row.margin:.1f} %<" in page
     assert "http://" not in page.replace("http://www.w3.org", "")
     for text in load_protocol("ece_r22_06").not_modelled:
         assert text.split(":")[0] in page

@@ -18,7 +18,13 @@ from helmet_sim_ros.study.reconstruction.crash import (
     setup_of,
     site,
 )
-from helmet_sim_ros.study.reconstruction.crush_map import CrushMap, interpolation, read_crush_map
+from helmet_sim_ros.study.reconstruction.crush_map import (
+    CrushMap,
+    directions,
+    interpolation,
+    on_shell,
+    read_crush_map,
+)
 from helmet_sim_ros.study.reconstruction.posterior import (
     UNITS,
     Reconstruction,
@@ -120,6 +126,30 @@ def test_places_about_the_scene_turn_by_their_angles() -> None:
     assert elevation == pytest.approx([0.0, 0.0, 10.0])
     setup = setup_of(about, np.array([5.0, 3.0, 4.0, 0.0, 0.0]))
     assert (setup.normal_velocity, setup.tangential_velocity) == pytest.approx((5.0, 5.0))
+
+
+@pytest.mark.parametrize(("unit", "length"), [("mm", 1e-3), ("cm", 1e-2), ("m", 1.0),
+                                              ("in", 0.0254)])  # fmt: skip
+def test_a_crush_map_is_the_same_in_every_unit_and_by_angles(
+    unit: str, length: float, tmp_path: Path
+) -> None:
+    cells = columns(FOAM.helmet_config)
+    azimuth, elevation, depth = np.radians([20.0, 60.0]), np.radians([10.0, 50.0]), 0.004
+    place = on_shell(cells, directions(azimuth, elevation))
+    assert place[0] / np.linalg.norm(place[0]) == pytest.approx(
+        [np.cos(azimuth[0]) * np.cos(elevation[0]), np.sin(azimuth[0]) * np.cos(elevation[0]),
+         np.sin(elevation[0])]
+    )  # fmt: skip
+    by_place = "\n".join(";".join(f"{v / length:.9g}" for v in (*p, depth)) for p in place)
+    by_angle = "\n".join(f"{a};{e};{depth / length:.9g}" for a, e in ((20, 10), (60, 50)))
+    for heading, rows in (
+        (f"x [{unit}];y [{unit}];z [{unit}];depth [{unit}]", by_place),
+        (f"azimuth [deg];elevation [deg];depth [{unit}]", by_angle),
+    ):
+        (tmp_path / "crush.csv").write_text(f"{heading}\n{rows}")
+        found = read_crush_map(tmp_path / "crush.csv", cells)
+        assert found.depth == pytest.approx([depth, depth])
+        assert found.place == pytest.approx(place, abs=1e-6)
 
 
 @pytest.mark.parametrize(
