@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 from helmet_sim_ros.cli import main
-from helmet_sim_ros.errors import SetupError
+from helmet_sim_ros.errors import SetupError, StudyError
 from helmet_sim_ros.model.force.columns import columns
 from helmet_sim_ros.model.impact import Impact
 from helmet_sim_ros.model.setup import ImpactSetup
@@ -30,6 +30,7 @@ from helmet_sim_ros.study.reconstruction.crush_map import (
 from helmet_sim_ros.study.reconstruction.posterior import (
     UNITS,
     Reconstruction,
+    _kept,
     _middle,
     most_likely,
     reconstruct,
@@ -119,6 +120,16 @@ def test_a_map_of_another_helmet_is_not_explained() -> None:
     wavy = thin.depth + 4e-3 * np.sin(200.0 * thin.place[:, 2])
     result = reconstruct(CrushMap(thin.place, wavy), FOAM, NOISE)
     assert result.misfit > 2.0 and any("misses the map" in note for note in result.notes)
+
+
+def test_crashes_that_diverge_are_left_out_until_they_are_too_many() -> None:
+    points, crush = np.arange(10.0)[:, None], np.ones((10, 2))
+    crush[:2, 1] = np.nan
+    kept, depths = _kept(points, crush)
+    assert kept.ravel().tolist() == list(range(2, 10)) and depths.shape == (8, 2)
+    crush[2, 0] = np.inf
+    with pytest.raises(StudyError, match="3 of 10 simulations diverged"):
+        _kept(points, crush)
 
 
 def test_places_about_the_scene_turn_by_their_angles() -> None:
