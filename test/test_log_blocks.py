@@ -67,20 +67,6 @@ def test_any_other_order_never_gives_a_record_that_was_not_sent(order: list[int]
         assert (impact.record is None) == impact.problem.startswith("incomplete")
 
 
-@pytest.mark.parametrize("first", [0, 5])
-@pytest.mark.parametrize("place", range(5))
-def test_an_impact_ends_once_whenever_a_block_of_a_stranger_comes(place: int, first: int) -> None:
-    """A recorder that met the stranger's block before the first one waited in vain for criteria:
-    the evaluator, which met it later, had told its one verdict."""
-    forged = replace(blocks()[0], first=first, data=DATA[first : first + 3], setup=None)
-    assembler, sent = Assembler(), blocks()
-    sent.insert(place, forged)
-    ended = [impact for block in sent for impact in assembler.feed(block)]
-    assert [impact.impact_id for impact in ended] == ["a-1"]
-    assert assembler.pending is None
-    assert (ended[0].record is not None) == (place == 4)
-
-
 def test_an_impact_that_another_one_follows_is_incomplete() -> None:
     assembler = Assembler()
     for block in blocks("a-1")[:2]:

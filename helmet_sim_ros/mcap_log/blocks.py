@@ -158,8 +158,7 @@ class Assembler:
 
     def __init__(self) -> None:
         self._blocks: list[Block] = []
-        # Impacts already reported: what still arrives of them is ignored. Two readers may hear a
-        # stranger's block at different times, and yet each of them reports an impact once.
+        # Impacts already reported: what still arrives of them is ignored, unless it starts anew.
         self._ended: deque[str] = deque(maxlen=100)
 
     @property
@@ -172,7 +171,7 @@ class Assembler:
         ended = []
         if self._blocks and block.impact_id != self.pending:
             ended.append(self._give_up(f"followed by impact {block.impact_id}"))
-        if not self._blocks and block.impact_id in self._ended:
+        if not self._blocks and block.first > 0 and block.impact_id in self._ended:
             return ended
         expected = self._blocks[-1].first + len(self._blocks[-1].data) if self._blocks else 0
         self._blocks.append(block)
