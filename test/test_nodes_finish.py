@@ -136,6 +136,7 @@ def test_an_impact_that_a_stranger_had_ended_has_the_one_verdict_that_was_told(
     while recorder._last["impact_id"] != "test-1":
         assert time.monotonic() < deadline
         served[1].spin_once(timeout_sec=0.01)
+    sender.publish(samples.to_message(replace(forged, impact_id="stranger-1")))
     sender.publish(impacts.message(1))
     finish = client.create_client(Trigger, "recorder/finish")
     answer = answered(served, finish.call_async(Trigger.Request()))
