@@ -130,6 +130,14 @@ def test_bad_input_is_told(logs, tmp_path):
     assert answer.exit_code == 2 and "cannot be written" in answer.stderr
 
 
+def test_names_with_brackets_are_shown_as_they_are(logs, tmp_path):
+    """Brackets are markup to the library that prints tables."""
+    odd = tmp_path / "[bold]a[-1].mcap"
+    odd.write_bytes((logs / "a.mcap").read_bytes())
+    answer = run("compare", odd, logs / "same.mcap")
+    assert answer.exit_code == 0 and f"A: {odd}\n" in answer.output
+
+
 def test_overlays_and_figures_are_written_and_reproducible(logs, tmp_path):
     target = tmp_path / "overlay.svg"
     answer = run("compare", logs / "a.mcap", logs / "stiff.mcap", "-o", target)
