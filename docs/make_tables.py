@@ -1,4 +1,4 @@
-"""Write the tables of README.md, docs/interface.md and docs/ros.md from the code they describe.
+"""Write the tables of README.md and of pages in docs/ from the code they describe.
 
     python docs/make_tables.py          # rewrite what stands between the markers
     python docs/make_tables.py --check  # exit code 1 if a table is out of date
@@ -11,28 +11,49 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from io import StringIO
 from pathlib import Path
 
 import click
+from pydantic_core import PydanticUndefined
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rich.console import Console
 
 from helmet_sim_ros import evaluate, simulate
+from helmet_sim_ros.biomech.standards import Standard
 from helmet_sim_ros.cli import first_line
 from helmet_sim_ros.cli import main as main_command
 from helmet_sim_ros.cli._table import result_table
+from helmet_sim_ros.model.fall.posture import Posture
+from helmet_sim_ros.model.foams import Foam
+from helmet_sim_ros.model.head_surface import HeadSurface
+from helmet_sim_ros.model.headform import Headform
+from helmet_sim_ros.model.helmet import Helmet
+from helmet_sim_ros.model.surface.config import SurfaceConfig
+from helmet_sim_ros.model.surface.parts import KINDS, Panel
+from helmet_sim_ros.model.surface.scenes import Placed, SceneConfig
 from helmet_sim_ros.nodes import qos
 from helmet_sim_ros.nodes.conversion import CHANNELS
 from helmet_sim_ros.nodes.evaluator_node import EvaluatorConfig
 from helmet_sim_ros.nodes.recorder_config import RecorderConfig
 from helmet_sim_ros.nodes.scenario_node import PREFIX, ScenarioOptions
 from helmet_sim_ros.nodes.setup_parameters import simulation_leaves
-from helmet_sim_ros.schema import Leaf, leaves
+from helmet_sim_ros.schema import Config, Leaf, leaves
 from helmet_sim_ros.study import load_scenario
+from helmet_sim_ros.study.certification.protocol import Point, Protocol, Test
+from helmet_sim_ros.study.helmets.importing import ImportPlan
+from helmet_sim_ros.study.optimisation.plan import Constraint, Goal, OptimisationFile
+from helmet_sim_ros.study.sled import SledTest
+from helmet_sim_ros.study.sweeps.population import Population
+from helmet_sim_ros.study.sweeps.sampling import Distribution
+from helmet_sim_ros.study.sweeps.study import StudyFile
+from helmet_sim_ros.study.validation.experiments import Experiment, ExperimentFile
+from helmet_sim_ros.study.validation.foam import FoamReference
 
 ROOT = Path(__file__).resolve().parents[1]
-FILES = (ROOT / "README.md", ROOT / "docs" / "interface.md", ROOT / "docs" / "ros.md")
+DOCS = ROOT / "docs"
+FILES = (ROOT / "README.md", DOCS / "interface.md", DOCS / "files.md", DOCS / "ros.md")
 BLOCK = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end of table -->)", re.DOTALL)
 
 #: What the channels of a sample mean, and their units.
@@ -96,6 +117,10 @@ SERVICES = (
 )  # fmt: skip
 
 
+#: Types as a file has them.
+TYPES: dict[type, str] = {tuple: "list", dict: "mapping"}
+
+
 def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """A Markdown table."""
     lines = [header, ["---"] * len(header), *rows]
@@ -132,17 +157,38 @@ def services() -> str:
 def parameters(found: Iterable[Leaf], prefix: str = "") -> str:
     """Parameters with type, unit, range and default."""
     rows = [
-        [f"`{prefix}{leaf.name}`", leaf.type.__name__.replace("tuple", "list"), leaf.unit or "-",
-         leaf.allowed.removeprefix("must be ").removeprefix("a number "), _default(leaf),
-         leaf.description]
+        [f"`{prefix}{leaf.name}`", TYPES.get(leaf.type, leaf.type.__name__), leaf.unit or "-",
+         _allowed(leaf), _default(leaf), leaf.description.replace("|", "\\|")]
         for leaf in found
     ]  # fmt: skip
     return table(("parameter", "type", "unit", "allowed", "default", "meaning"), rows)
 
 
+def _allowed(leaf: Leaf) -> str:
+    words = leaf.allowed.removeprefix("must be ")
+    if leaf.type is dict or words == f"a number {leaf.unit}":
+        return "any"
+    return words.removeprefix("a number ")
+
+
+def keys(model: type[Config]) -> str:
+    """Keys of a file, of which those of groups are dotted; last those that hold the user's own."""
+    found = leaves(model)
+    known = {leaf.name for leaf in found}
+    for name, field in model.model_fields.items():
+        if "dict[" in str(field.annotation) and name not in known:
+            default = {} if field.default_factory else field.default
+            found.append(Leaf(name, dict, default, "", field.description or ""))
+    return parameters(found).replace("| parameter |", "| key |", 1)
+
+
 def _default(leaf: Leaf) -> str:
+    if leaf.default is PydanticUndefined:
+        return "required"
     if leaf.default is None:
         return "unset"
+    if leaf.default == {}:
+        return "empty"
     if isinstance(leaf.default, float):
         return f"{leaf.default:g}"
     if isinstance(leaf.default, tuple):
@@ -193,6 +239,12 @@ TABLES: dict[str, Callable[[], str]] = {
     "evaluator_parameters": lambda: parameters(leaves(EvaluatorConfig)),
     "recorder_parameters": lambda: parameters(leaves(RecorderConfig)),
     "scenario_parameters": lambda: parameters(leaves(ScenarioOptions), PREFIX),
+    **{model.__name__: partial(keys, model) for model in (
+        StudyFile, Distribution, Population, OptimisationFile, Goal,
+        Constraint, Protocol, Test, Point, ImportPlan, Helmet, Foam, Headform, HeadSurface, Posture,
+        SurfaceConfig, SceneConfig, Placed, Panel, *(kind for kind, _ in KINDS.values()), Standard,
+        ExperimentFile, Experiment, FoamReference, SledTest,
+    )},
 }  # fmt: skip
 
 

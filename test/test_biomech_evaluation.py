@@ -28,6 +28,7 @@ from helmet_sim_ros.biomech import (
 )
 from helmet_sim_ros.biomech.record import (
     CHANNELS,
+    SHELL,
     block_labels,
     from_block,
     same_samples,
@@ -311,6 +312,23 @@ def test_rotation_is_judged_in_head_axes() -> None:
     assert first.bric.value == pytest.approx(np.hypot(np.hypot(30 / 66.25, 10 / 56.45), 5 / 42.87))
 
 
+def test_a_record_names_its_columns_and_their_units_as_they_are() -> None:
+    record = drop_record()
+    shell = np.arange(3.0 * len(record.time)).reshape(-1, 3)
+    for whole, further in (
+        (record, []), (replace(record, extras={SHELL: shell, "notes": ["x"]}), ["x", "y", "z"]),
+    ):  # fmt: skip
+        block, labels = to_block(whole), whole.labels
+        assert block.shape[1] == len(labels) == len(whole.units)
+        assert [name for name in labels if name.startswith(SHELL)] == [
+            f"{SHELL}.{axis}" for axis in further
+        ]
+        units = dict(zip(labels, whole.units, strict=True))
+        assert (units["time"], units["head_acceleration.x"]) == ("s", "m/s^2")
+        assert {units[name] for name in labels if name.startswith(SHELL)} <= {"m"}
+    assert block[:, labels.index(f"{SHELL}.y")].tolist() == shell[:, 1].tolist()
+
+
 def test_helmet_and_neck_criteria_come_from_their_channels() -> None:
     record = drop_record()
     pulse = record.ground_force[:, 2]
@@ -330,6 +348,11 @@ def test_helmet_and_neck_criteria_come_from_their_channels() -> None:
     assert result.peak_neck_shear.value == pytest.approx(0.1 * pulse.max())
     assert result.peak_neck_bending.value == pytest.approx(0.01 * pulse.max())
     assert result.impulse_ratio.value == pytest.approx(0.3)
+    record.neck_force[:, 2] *= -0.5
+    pressed = evaluate(replace(record, setup=setup))
+    assert pressed.peak_neck_axial.note == "compression"
+    assert pressed.peak_neck_axial.value == pressed.peak_neck_compression.value
+    assert pressed.peak_neck_compression.value == pytest.approx(0.25 * pulse.max())
 
 
 def test_every_risk_says_that_it_is_informative() -> None:

@@ -174,7 +174,7 @@ def test_what_a_log_lacks_or_has_otherwise_is_a_loss(tmp_path: Path) -> None:
         logged(tmp_path)
     (tmp_path / "none").mkdir()
     write_log(tmp_path / "none" / "c.mcap", [right], judged=False)
-    with pytest.raises(Loss, match="no criteria"):
+    with pytest.raises(Loss, match="no criteria in the log: and it does not say why"):
         compare_all(logged(tmp_path / "none"), {"test-0": right})
 
 

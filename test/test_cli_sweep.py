@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pyarrow.parquet as parquet
@@ -120,11 +121,14 @@ def test_a_sweep_that_is_ended_goes_on_where_it_was(study, tmp_path, signum, cod
     )  # fmt: skip
     rows = tmp_path / "mine.results" / "rows"
     deadline = time.monotonic() + 60.0
-    while len(list(rows.glob("*.parquet"))) < 2:
-        assert process.poll() is None and time.monotonic() < deadline
-        time.sleep(0.02)  # another process writes them: nothing tells of it
-    process.send_signal(signum)
-    output, _ = process.communicate(timeout=60)
+    try:
+        while len(list(rows.glob("*.parquet"))) < 2:
+            assert process.poll() is None and time.monotonic() < deadline
+            time.sleep(0.02)  # another process writes them: nothing tells of it
+        process.send_signal(signum)
+        output, _ = process.communicate(timeout=60)
+    finally:
+        process.kill()
     assert process.returncode == code, output
     assert code < 0 or "the same command goes on" in output
     assert "Traceback" not in output
@@ -143,20 +147,24 @@ def test_ctrl_c_of_a_terminal_ends_workers_and_sweep_with_one_line(study, tmp_pa
         cwd=tmp_path, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
         start_new_session=True,
     )  # fmt: skip
-    rows = tmp_path / "mine.results" / "rows"
-    deadline = time.monotonic() + 120.0
-    while not list(rows.glob("*.parquet")):
-        assert process.poll() is None and time.monotonic() < deadline
-        time.sleep(0.02)  # another process writes them: nothing tells of it
-    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to workers, too
-    output, _ = process.communicate(timeout=60)
-    assert process.returncode == 1, output
-    assert re.search(r"\d+ of 16384 impacts are kept in mine.results, the same command", output)
-    assert len([line for line in output.splitlines() if line.strip()]) == 3, output
-    with pytest.raises(ProcessLookupError):  # the last of them end when the first is gone
-        while time.monotonic() < deadline:
-            os.killpg(process.pid, 0)
-            time.sleep(0.02)  # they are not our children, whose end we would be told of
+    try:
+        rows = tmp_path / "mine.results" / "rows"
+        deadline = time.monotonic() + 120.0
+        while not list(rows.glob("*.parquet")):
+            assert process.poll() is None and time.monotonic() < deadline
+            time.sleep(0.02)  # another process writes them: nothing tells of it
+        os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to workers, too
+        output, _ = process.communicate(timeout=60)
+        assert process.returncode == 1, output
+        assert re.search(r"\d+ of 16384 impacts are kept in mine.results, the same command", output)
+        assert len([line for line in output.splitlines() if line.strip()]) == 3, output
+        with pytest.raises(ProcessLookupError):  # the last of them end when the first is gone
+            while time.monotonic() < deadline:
+                os.killpg(process.pid, 0)
+                time.sleep(0.02)  # they are not our children, whose end we would be told of
+    finally:  # whatever did not end
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
 
 
 def test_what_a_helmet_suffered_is_told_with_the_number_of_impacts(study, call, tmp_path):

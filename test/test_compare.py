@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 
 pytest.importorskip("rclpy", reason="logs for tests are written by the recorder's session")
@@ -17,6 +18,7 @@ from logs import write_log
 from helmet_sim_ros import ImpactSetup, evaluate, open_log, simulate
 from helmet_sim_ros.biomech import Chatter, Rating, channel_rating, chatter
 from helmet_sim_ros.cli import main
+from helmet_sim_ros.report.figures.overlay import overlay_figure
 from helmet_sim_ros.report.figures.paper import paper_figures
 from helmet_sim_ros.report.review.compare import Change, paired
 
@@ -128,6 +130,14 @@ def test_bad_input_is_told(logs, tmp_path):
     assert answer.exit_code == 2 and "cannot be written" in answer.stderr
 
 
+def test_names_with_brackets_are_shown_as_they_are(logs, tmp_path):
+    """Brackets are markup to the library that prints tables."""
+    odd = tmp_path / "[bold]a[-1].mcap"
+    odd.write_bytes((logs / "a.mcap").read_bytes())
+    answer = run("compare", odd, logs / "same.mcap")
+    assert answer.exit_code == 0 and f"A: {odd}\n" in answer.output
+
+
 def test_overlays_and_figures_are_written_and_reproducible(logs, tmp_path):
     target = tmp_path / "overlay.svg"
     answer = run("compare", logs / "a.mcap", logs / "stiff.mcap", "-o", target)
@@ -141,6 +151,32 @@ def test_overlays_and_figures_are_written_and_reproducible(logs, tmp_path):
     assert names[0] == names[1] == ["fig7.pdf", "fig7.svg", "fig8.pdf", "fig8.svg"]
     for name in names[0]:
         assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
+
+
+def test_an_overlay_shows_acceleration_force_and_compression_of_both(logs):
+    whole = paired(*(open_log(logs / name) for name in ("a.mcap", "stiff.mcap")))
+    for pairs in (whole, whole[:1]):
+        axes = overlay_figure(pairs, ("soft", "stiff")).axes
+        assert len(axes) == 3 * len(pairs)
+        for pair, row in zip(pairs, np.reshape(axes, (-1, 3)), strict=True):
+            assert row[0].get_title(loc="left") == pair.label
+            assert [text.get_text() for text in row[0].get_legend().get_texts()] == [
+                "soft",
+                "stiff",
+            ]
+            assert [ax.get_ylabel() for ax in row] == [
+                "head acceleration [g]", "normal ground force [kN]", "compression [mm]",
+            ]  # fmt: skip
+            for impact, *lines in zip((pair.a, pair.b), *(ax.lines for ax in row), strict=True):
+                found = evaluate(impact.record)
+                tops = [line.get_ydata().max() for line in lines]
+                assert tops == pytest.approx([
+                    found.peak_g.value, found.peak_normal_force.value / 1e3,
+                    1e3 * found.peak_compression.value,
+                ])  # fmt: skip
+                assert lines[0].get_xdata()[-1] == pytest.approx(1e3 * impact.record.time[-1])
+        assert {ax.get_xlabel() for ax in axes[-3:]} == {"time [ms]"}
+        assert len({ax.get_xlim() for ax in axes}) == 1
 
 
 def test_figures_show_the_logged_curves_in_the_papers_layout(tmp_path):

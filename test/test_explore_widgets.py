@@ -198,12 +198,20 @@ def test_charts_draw_the_records_of_both_sides(page, impacts):
                 assert np.array_equal(drawn, data, equal_nan=True)
             words = [series["label"] for series in handle.series]
             assert len(words) == len(handle.data) and words[0] == "t [ms]"
-            assert sum(word.startswith("B") for word in words) == len(chart.labels)
+            several = len(chart.labels) > 1
+            expected_words = [
+                f"{side} {name}" if several else side for side in "AB" for name in chart.labels
+            ]
+            limits = [] if limit is None else [f"limit {limit:g}"]
+            assert words[1:] == expected_words + limits
         before = charts.handles
         charts.show(impacts)
         assert charts.handles == before  # nothing is made anew where nothing else is drawn
         charts.show(page._impacts)
         assert charts.handles != before
+        for chart, handle in zip(CHARTS, charts.handles, strict=True):
+            words = [series["label"] for series in handle.series]
+            assert words[1:][: len(chart.labels)] == list(chart.labels)
 
 
 def test_comparing_opens_the_other_side_and_ends_it(page):

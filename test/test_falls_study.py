@@ -227,3 +227,30 @@ def test_the_verb_says_no_head_contact_and_refuses_bad_input():
     assert done.exit_code == 0 and "no head contact" in done.output
     refused = CliRunner().invoke(main, ["fall", "--speed", "500"])
     assert refused.exit_code == 2 and "must be a number from 0 to 40 m/s" in refused.output
+
+
+def test_the_figure_shows_the_worst_strike_of_each_fall_that_has_one() -> None:
+    pytest.importorskip("matplotlib", reason="the figure needs the extra 'report'")
+    from helmet_sim_ros.report.figures.falls import falls_figure
+
+    columns = {
+        "strikes": [1, 0, 2], "peak_g": [120.0, None, 80.0],
+        "strike_tangential_velocity": [4.0, None, 2.0],
+        "strike_normal_velocity": [5.0, None, 3.0], "strike_angle_deg": [51.0, None, 56.0],
+        "strike_azimuth_deg": [90.0, None, -45.0], "strike_elevation_deg": [10.0, None, 60.0],
+    }  # fmt: skip
+    figure = falls_figure(columns, "mine")
+    speeds, angles, places, bar = figure.axes
+    assert figure.get_suptitle() == "mine: worst head strike of 2 falls"
+    (shown,) = speeds.collections
+    assert shown.get_offsets().tolist() == [[4.0, 5.0], [2.0, 3.0]]
+    assert shown.get_array().tolist() == [120.0, 80.0] and bar.get_ylabel() == "peak g"
+    bins = {patch.get_x(): patch.get_height() for patch in angles.patches}
+    assert bins == {10.0 * i: 2.0 * (i == 5) for i in range(9)}
+    assert places.collections[0].get_offsets().tolist() == [[90.0, 10.0], [-45.0, 60.0]]
+    # Seen from above the rider's left is to the left.
+    ticks = dict(zip(places.get_xticks(), places.get_xticklabels(), strict=True))
+    assert {at: text.get_text() for at, text in ticks.items()} == {
+        180: "back", 90: "left", 0: "front", -90: "right", -180: "back",
+    }  # fmt: skip
+    assert places.get_xlim() == (180.0, -180.0) and places.get_ylim() == (-90.0, 90.0)

@@ -175,6 +175,21 @@ def test_german_tables_are_read(tmp_path: Path) -> None:
     assert curve.stress == pytest.approx([eps(e) for e in STRAIN], rel=1e-3, abs=1.0)
 
 
+def test_a_stress_that_falls_a_little_is_smoothed_and_the_share_is_told(tmp_path: Path) -> None:
+    """Two neighbours that fall become their mean: each moves by half of the fall."""
+    path = laboratory(tmp_path / "t.csv", [(5.0, 1.0)], unit="Pa", scale=1.0)
+    lines = path.read_text().splitlines()
+    i = len(STRAIN) // 3
+    strain, fallen = STRAIN[i], eps(STRAIN[i - 1]) - 3000.0
+    lines[i + 1] = f"{strain:.5f};{fallen:.6g}"
+    path.write_text("\n".join(lines))
+    (curve,) = read_curves(path)
+    assert curve.stress[i - 1] == curve.stress[i] == pytest.approx(fallen + 1500.0, rel=1e-4)
+    assert curve.raised == pytest.approx(1500.0 / curve.plateau, rel=5e-3)
+    told = f"smoothed by at most {100.0 * curve.raised:.1f} % of it"
+    assert any(told in note for note in fit_foam([curve], 60.0).notes)
+
+
 @pytest.mark.parametrize(
     ("unit", "pascals"),
     [("Pa", 1.0), ("kPa", 1e3), ("MPa", 1e6), ("N/mm2", 1e6), ("N/mm^2", 1e6), ("bar", 1e5),
@@ -263,6 +278,25 @@ def test_strains_in_percent_without_saying_so_are_refused(tmp_path: Path) -> Non
     path.write_text("\n".join(lines))
     with pytest.raises(SetupError, match=r"is the column in %"):
         read_curves(path)
+
+
+def test_the_figure_of_a_foam_shows_tests_table_and_law_in_megapascals(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib", reason="the figure needs the extra 'report'")
+    from helmet_sim_ros.report.figures.foam import foam_figure
+
+    table = laboratory(tmp_path / "t.csv", [(0.01, 0.8), (50.0, 1.0)])
+    fit = fit_foam(read_curves(table), density=60.0)
+    (axes,) = foam_figure(fit).axes
+    *tests, drawn, law = axes.lines
+    for line, curve in zip(tests, fit.curves, strict=True):
+        assert line.get_label() == f"test at {curve.rate:g} 1/s"
+        assert line.get_xdata() == pytest.approx(100.0 * curve.strain)  # %
+        assert line.get_ydata() == pytest.approx(curve.stress / 1e6)
+    assert drawn.get_ydata() == pytest.approx(fit.stress / 1e6)
+    assert law.get_ydata() == pytest.approx(fit.law_stress(fit.strain) / 1e6)
+    assert f"{100.0 * fit.error:.1f} %" in law.get_label()
+    assert axes.get_ylim() == pytest.approx((0.0, 6.0 * fit.foam.yield_stress / 1e6))
+    assert axes.get_xlim()[0] == 0.0 and axes.get_ylabel() == "stress [MPa]"
 
 
 def test_the_command_writes_a_foam_that_a_helmet_can_name(tmp_path: Path) -> None:

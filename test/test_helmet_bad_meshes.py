@@ -139,6 +139,17 @@ def test_every_edge_that_pierces_a_triangle_is_found(seed: int) -> None:
     )
 
 
+@pytest.mark.parametrize("pierced", [0, 1])
+def test_an_edge_through_a_triangle_is_found_whatever_their_order(pierced: int) -> None:
+    flat = [[-0.1, -0.1, 0.0], [0.1, -0.1, 0.0], [0.0, 0.1, 0.0]]
+    upright = [[0.01, 0.02, -0.05], [0.01, 0.02, 0.05], [0.3, 0.3, 0.0]]
+    corners = [flat, upright] if pierced == 0 else [upright, flat]
+    mesh = trimesh.Trimesh(np.vstack(corners), [[0, 1, 2], [3, 4, 5]], process=False)
+    found = crossings(mesh)
+    places = {(f, *np.round(p, 9)) for f, p in zip(found.other, found.place, strict=True)}
+    assert (pierced, 0.01, 0.02, 0.0) in places
+
+
 def test_a_truncated_file_is_refused(shell: Path, tmp_path: Path) -> None:
     shell.write_bytes(shell.read_bytes()[:-1000])
     assert "truncated" in refused(tmp_path, shell)

@@ -90,7 +90,9 @@ def with_helmet(setup: ImpactSetup, helmet: Helmet) -> ImpactSetup:
 
 
 def cases(scenario: str) -> Iterator[ImpactSetup]:
-    yield from load_scenario(scenario).setups
+    """Until the blow is over: all peaks lie in its first half."""
+    for setup in load_scenario(scenario).setups:
+        yield setup.replaced({"duration": 0.02})
 
 
 def apart(setup: ImpactSetup, pair: Pair) -> tuple[Evaluation, Evaluation]:
@@ -218,12 +220,12 @@ def test_a_mirrored_mesh_mirrors_the_blow(tmp_path: Path) -> None:
         helmet, _ = imported(
             tmp_path / name, written(mesh, tmp_path / f"{name}.stl"), thickness=0.044, columns=3000
         )
-        setup = ImpactSetup(rig="headform", direction=name, normal_velocity=7.5,
+        setup = ImpactSetup(rig="headform", direction=name, normal_velocity=7.5, duration=0.02,
                             helmet=str(tmp_path / name / "helmet.yaml"))  # fmt: skip
         results[name] = evaluate(simulate(setup))
         assert helmet.coupling == "foam"
     plain = evaluate(simulate(ImpactSetup(
-        rig="headform", direction="right", normal_velocity=7.5,
+        rig="headform", direction="right", normal_velocity=7.5, duration=0.02,
         helmet=str(tmp_path / "left" / "helmet.yaml"))))  # fmt: skip
     left = results["left"].peak_g.value
     assert results["right"].peak_g.value == pytest.approx(left, rel=0.01)

@@ -202,6 +202,7 @@ def test_the_report_shows_falls_with_their_strikes(path, strikes):
     page = report_page([open_log(path)])
     assert "Head strikes of falls" in page and "no head contact, log check: same" in page
     assert page.count('<article id="impact-') == 1 + len(strikes)
+    assert f"2 falls, {1 + len(strikes)} impacts or head strikes" in page
     assert 'data-replay="2"' in page
 
 

@@ -97,6 +97,27 @@ def test_rows_of_messages_are_written_as_messages_one_by_one_are(tmp_path: Path)
     assert len(messages) == 2 + 2 * len(times)
 
 
+def test_criteria_are_at_the_time_of_their_header(tmp_path: Path) -> None:
+    """The end of the impact; FIRST_START and SPACING are those of the logs for tests."""
+    from logs import FIRST_START, SPACING, write_log
+    from mcap_ros2.decoder import DecoderFactory
+
+    from helmet_sim_ros import ImpactSetup
+
+    setup = ImpactSetup(rig="headform", duration=2e-3, time_step=1e-4)
+    write_log(tmp_path / "a.mcap", [setup, setup])
+    with open(tmp_path / "a.mcap", "rb") as stream:
+        found = [
+            (message.log_time, decoded.header.stamp)
+            for _, _, message, decoded in make_reader(
+                stream, decoder_factories=[DecoderFactory()]
+            ).iter_decoded_messages("/evaluation/criteria")
+        ]
+    ends = [FIRST_START + number * SPACING + 2e-3 for number in range(2)]
+    assert [time for time, _ in found] == [stamp.sec * 10**9 + stamp.nanosec for _, stamp in found]
+    assert [time for time, _ in found] == pytest.approx([1e9 * end for end in ends], abs=1.0)
+
+
 def test_an_existing_log_is_never_replaced(tmp_path: Path) -> None:
     for name in ("a.mcap", "b.mcap.part"):
         (tmp_path / name).write_text("precious")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 import mujoco
 import numpy as np
@@ -11,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from helmet_sim_ros import ImpactSetup
 from helmet_sim_ros.model.impact import Impact
-from helmet_sim_ros.model.urdf import WORLD, urdf
+from helmet_sim_ros.model.urdf import WORLD, _origin, urdf
 
 MOVING = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 
@@ -113,3 +114,17 @@ def test_transforms_are_where_the_scene_draws_the_bodies():
     given = Rotation.from_quat([turn.x, turn.y, turn.z, turn.w])
     logged = Rotation.from_quat(record.head_orientation[100])
     assert (given * logged.inv()).magnitude() < 1e-6
+
+
+@pytest.mark.parametrize("pitch", [-90.0, -60.0, 0.0, 89.9, 90.0])
+def test_roll_pitch_and_yaw_turn_as_the_quaternion_does(pitch: float) -> None:
+    """Also straight up and down, where roll and yaw turn about one axis."""
+    for roll, yaw in ((0.0, 0.0), (20.0, -70.0), (-150.0, 130.0)):
+        turn = Rotation.from_euler("xyz", [roll, pitch, yaw], degrees=True)
+        element = Element("visual")
+        _origin(element, np.array([1.0, 2.0, 3.0]), turn.as_quat(scalar_first=True))
+        origin = element.find("origin")
+        assert origin is not None and origin.get("xyz") == "1 2 3"
+        angles = [float(text) for text in str(origin.get("rpy")).split()]
+        again = Rotation.from_euler("xyz", angles)
+        assert (again.inv() * turn).magnitude() < 1e-5  # rad

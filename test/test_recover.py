@@ -21,7 +21,7 @@ from helmet_sim_ros import ImpactSetup, evaluate, open_log
 from helmet_sim_ros.biomech.record import same_samples
 from helmet_sim_ros.cli import main
 from helmet_sim_ros.errors import LogError
-from helmet_sim_ros.mcap_log.layout import RUN
+from helmet_sim_ros.mcap_log.layout import IMPACT, RUN
 from helmet_sim_ros.mcap_log.recover import recover, recovered_path
 
 #: The whole proof is 100 kills: HELMET_SIM_KILLS=100 python -m pytest test/test_recover.py
@@ -174,3 +174,26 @@ def test_metadata_that_are_gone_are_told_by_their_name(tmp_path):
     lost = recover(path.with_name("log.mcap.part")).lost
     assert f"metadata {RUN}" in lost
     assert not [text for text in lost if text.startswith("impact")]
+
+
+def test_an_impact_whose_metadata_alone_are_damaged_is_no_damaged_impact(tmp_path):
+    """Of impacts without metadata, those are told whose samples are gone, and no others."""
+    path = tmp_path / "log.mcap"
+    write_log(path, SETUPS)
+    with path.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    notes = {index.name: index for index in summary.metadata_indexes}
+    first, second = (notes[f"{IMPACT}test-{number}"] for number in (0, 1))
+    damaged = bytearray(path.read_bytes())
+    for place in (
+        first.offset + first.length // 2,
+        second.offset + second.length // 2,
+        (first.offset + second.offset) // 2,
+    ):  # the last: samples of the second
+        damaged[place] ^= 0xFF
+    path.with_name("log.mcap.part").write_bytes(damaged)
+    path.unlink()
+    result = recover(path.with_name("log.mcap.part"))
+    assert [impact.impact_id for impact in open_log(result.path)] == ["test-0", "test-2"]
+    assert "impact test-1: it is damaged" in result.lost
+    assert not [text for text in result.lost if text.startswith("impact test-0")]

@@ -9,6 +9,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 import yaml
@@ -32,6 +33,7 @@ from helmet_sim_ros.nodes.scene_markers import SceneMarkers
 from helmet_sim_ros.report.replay import gl
 from helmet_sim_ros.report.replay.gl import BACKENDS, GraphicsError, backend_works, choose_backend
 from helmet_sim_ros.report.replay.scene import scene_of
+from helmet_sim_ros.report.replay.stage import Stage
 
 ROOT = Path(__file__).resolve().parents[1]
 SETUP = ImpactSetup(duration=0.012, normal_velocity=5.0, tangential_velocity=8.0)
@@ -105,6 +107,26 @@ def test_markers_show_what_is_struck_where_it_is(record, surface):
         depths = [min(signed_distance(compiled, k, *p)[0] for k in solids) for p in points]
         tops.append(max(depths))
     assert min(tops) > -2e-3 and max(tops) < 6e-3  # the rounded end of a wedge is drawn square
+
+
+@pytest.mark.parametrize(("y", "plates"), [(0.0, 1), (-2.0, 0)])
+def test_a_wall_that_is_seen_from_behind_hides_nothing(tmp_path, y, plates):
+    """Only its lines are drawn then. The wall faces +y and stands at y = -1 m."""
+    wall = tmp_path / "wall.yaml"
+    wall.write_text(
+        "shapes: [{kind: half_space, position: [0, -1, 0], tilt_deg: 90}]\n"
+        "target: {point: [0, -1, 0], normal: [0, 1, 0]}\n"
+    )
+    stage = Stage(simulate(ImpactSetup(rig="headform", surface=str(wall), duration=0.002)))
+    target = mujoco.MjvScene(stage.scene.model, 200)
+    target.camera[0].pos[:] = 0.0, y, 1.0
+    stage.draw_around(target, 0)
+    drawn = list(target.geoms[: target.ngeom])
+    wide = [geom for geom in drawn if sorted(geom.size)[1] > 1.0]
+    assert len(wide) == plates and len(drawn) == plates + 2 * 17
+    assert all(geom.pos[1] == pytest.approx(-1.0, abs=0.01) for geom in drawn)
+    lines = sorted(geom.pos[2] for geom in drawn if geom.size[0] > 1.0 > geom.size[1])
+    assert np.diff(lines) == pytest.approx([0.25] * 16)  # m
 
 
 def test_a_log_holds_a_scene_that_moves(path):

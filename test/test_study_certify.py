@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -192,9 +193,38 @@ def test_json_csv_and_page_say_that_it_is_no_approval(r22: Certification, tmp_pa
     page = paths[".html"]
     assert page.index("no approval") < page.index("<h2>")
     assert page.count("<details id=") == len(r22.rows)
+    assert f"{r22.worst.hit.name}: {100.0 * r22.worst_margin:.1f} %" in page
+    assert f"all {len(r22.rows)} impacts are within the limits" in page
+    for row in r22.rows:
+        assert f">{100.0 * row.margin:.1f} %<" in page
     assert "http://" not in page.replace("http://www.w3.org", "")
     for text in load_protocol("ece_r22_06").not_modelled:
         assert text.split(":")[0] in page
+
+
+def test_the_page_shows_every_struck_point_with_its_smallest_margin(r22: Certification) -> None:
+    from helmet_sim_ros.report.certification.page import certification_page
+
+    page = certification_page(r22)
+    (text,) = re.findall(r'<script type="application/json" id="scene">(.*?)</script>', page, re.S)
+    scene = json.loads(text)
+    helmet = r22.rows[0].hit.setup.helmet_config
+    assert scene["axes"] == pytest.approx(helmet.shell.semi_axes)
+    by_site: dict[object, list[int]] = {}
+    for number, row in enumerate(r22.rows, 1):
+        by_site.setdefault(row.site_deg, []).append(number)
+    assert len(scene["points"]) == len(by_site)
+    for point, numbers in zip(scene["points"], by_site.values(), strict=True):
+        rows = [r22.rows[number - 1] for number in numbers]
+        margin, closest = min((row.margin, n) for row, n in zip(rows, numbers, strict=True))
+        assert (point["margin"], point["number"]) == (pytest.approx(margin), closest)
+        assert point["rows"] == [
+            f"{row.hit.name}: {row.verdict}, margin {100.0 * row.margin:.1f} %" for row in rows
+        ]
+        place = np.array(point["at"]) - helmet.shell.center
+        assert np.sum((place / helmet.shell.semi_axes) ** 2) == pytest.approx(1.0, abs=1e-6)
+    for name, value in (("helmet.mass", helmet.mass), ("helmet.coupling", "foam")):
+        assert re.search(rf"{re.escape(name)}\D*{value}", page), name
 
 
 def test_a_protocol_becomes_a_scenario_with_the_same_impacts(tmp_path: Path) -> None:

@@ -238,3 +238,17 @@ def test_the_command_shows_a_file_of_mine_and_writes_nothing(tmp_path: Path) -> 
     assert [p.name for p in tmp_path.iterdir()] == ["mine.yaml"]
     answer = CliRunner().invoke(main, ["validate", "--references", str(path)])
     assert answer.exit_code == 2 and "--experiments" in answer.output
+
+
+def test_the_command_writes_its_sections_into_a_folder_that_it_makes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = TestTheSection.FOUND
+    monkeypatch.setattr("helmet_sim_ros.study.validation.findings.findings", lambda *_: found)
+    folder = tmp_path / "new" / "deeper"
+    answer = CliRunner().invoke(main, ["validate", "--experiments", "--output", str(folder)])
+    assert answer.exit_code == 0, answer.output
+    accepted = sum(finding.accepted for finding in found)
+    assert f"{accepted} of {len(found)} published values within" in answer.output
+    text = (folder / "validation.md").read_text()
+    assert HEADING in text and text.count("\n## ") + text.startswith("## ") == 2

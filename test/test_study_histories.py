@@ -10,10 +10,16 @@ from helmet_sim_ros.biomech.pulse import STANDARD_GRAVITY
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.cli import main
 from helmet_sim_ros.errors import SetupError
+from helmet_sim_ros.model.helmet import load_helmet
 from helmet_sim_ros.model.setup import ImpactSetup
 from helmet_sim_ros.model.simulate import simulate
-from helmet_sim_ros.study.identification.histories import read_histories, read_history
-from helmet_sim_ros.study.identification.history_fit import fit_histories
+from helmet_sim_ros.study.identification.histories import (
+    MeasuredDrop,
+    is_history_table,
+    read_histories,
+    read_history,
+)
+from helmet_sim_ros.study.identification.history_fit import HistoryFit, fit_histories
 
 TRUTH = {"helmet.liner.density": 72.0, "helmet.liner.energy_returned": 0.12}
 
@@ -65,7 +71,6 @@ def test_what_a_drop_cannot_show_is_called_open(tmp_path: Path) -> None:
     table = laboratory(tmp_path, [("front", 6.0)])
     names = ("liner.density", "liner.back.density")
     base = tmp_path / "base.yaml"
-    from helmet_sim_ros.model.helmet import load_helmet
     from helmet_sim_ros.study.identification.fit import write_helmet
 
     helmet = load_helmet("fullface").replaced({"liner.back.density": 50.0})
@@ -95,6 +100,29 @@ def test_the_command_shows_the_fit_and_writes_the_helmet(tmp_path: Path) -> None
     setup = ImpactSetup(helmet=str(out))
     assert setup.helmet_config.liner.density == pytest.approx(72.0, rel=0.05)
     assert plot.stat().st_size > 1000
+
+
+def test_the_figure_shows_each_drop_and_what_is_left() -> None:
+    pytest.importorskip("matplotlib", reason="the figure needs the extra 'report'")
+    from helmet_sim_ros.report.figures.drops import histories_figure
+
+    time = np.array([0.0, 0.001, 0.002])
+    drops = tuple(
+        MeasuredDrop(direction, speed, time, np.array([0.0, peak, 10.0]), source)
+        for direction, speed, peak, source in (("front", 6.0, 90.0, "a"), ("left", 4.5, 60.0, "b"))
+    )
+    simulated = tuple(drop.acceleration + 5.0 for drop in drops)
+    fit = HistoryFit((), load_helmet("fullface"), drops, simulated, (0.1, 0.1), 0, np.eye(0), ())
+    axes = np.reshape(histories_figure(fit).axes, (2, 2))
+    for (curves, rest), drop in zip(axes, drops, strict=True):
+        measured, fitted = curves.lines
+        assert measured.get_xdata() == pytest.approx([0.0, 1.0, 2.0])  # ms
+        assert measured.get_ydata() == pytest.approx(drop.acceleration)
+        assert fitted.get_ydata() == pytest.approx(drop.acceleration + 5.0)
+        assert rest.lines[0].get_ydata() == pytest.approx([5.0] * 3)
+        assert rest.lines[0].get_xdata() == pytest.approx([0.0, 1.0, 2.0])
+    assert [row[0].get_title() for row in axes] == ["a: front, 6 m/s", "b: left, 4.5 m/s"]
+    assert [ax.get_xlabel() for ax in axes.flat] == ["", "", "time [ms]", "time [ms]"]
 
 
 def test_histories_in_isomme_are_read(tmp_path: Path) -> None:
@@ -167,6 +195,18 @@ def test_what_is_no_history_is_refused_with_its_place(
     with pytest.raises(SetupError) as caught:
         read_history(path)
     assert named in str(caught.value)
+
+
+def test_a_table_of_histories_is_one_with_a_column_of_files(tmp_path: Path) -> None:
+    table = tmp_path / "tests.csv"
+    for text, is_one in (
+        ("# ours\n\nFile ; direction;speed [m/s]\n", True), ("speed [m/s],file [-]\n", True),
+        ("direction;speed [m/s];peak [g]\n", False), ("# file\n", False), ("", False),
+    ):  # fmt: skip
+        table.write_text(text)
+        assert is_history_table(table) is is_one, text
+    answer = CliRunner().invoke(main, ["identify", str(tmp_path / "none.csv")])
+    assert answer.exit_code == 2 and "none.csv" in answer.stderr
 
 
 def test_a_list_of_tests_is_checked(tmp_path: Path) -> None:

@@ -192,13 +192,31 @@ def test_all_sides_are_drawn_to_one_scale_in_millimetres_and_kilonewtons() -> No
 
     share = np.linspace(0.0, 1.0, 5)
     loops = [(side, 5.0, 0.01 * k * share, 1e3 * k * share) for k, side in enumerate(LAWS, 1)]
-    identified = identification_figure(identify(synthetic(), base()), loops)
+    result = identify(synthetic(), base())
+    identified = identification_figure(result, loops)
     for figure in (loops_figure({"mine": loops}), identified):
         assert len(figure.axes) == 4
         assert len({(*ax.get_xlim(), *ax.get_ylim()) for ax in figure.axes}) == 1
         for ax, (_, _, compression, force) in zip(figure.axes, loops, strict=True):
             drawn = ax.lines[0].get_xydata()
             assert drawn == pytest.approx(np.column_stack([1e3 * compression, 1e-3 * force]))
+        assert [ax.get_xlabel() != "" for ax in figure.axes] == [False, False, True, True]
+        assert [ax.get_ylabel() for ax in figure.axes] == ["force [kN]", ""] * 2
+    assert figure.axes[0].get_legend() is not None
+    # The approach of the head is the coupling's compression and what the shell gives.
+    shell = result.helmet.shell.contact_stiffness
+    for ax, fit in zip(identified.axes, result.fits, strict=True):
+        _, law, peaks = ax.lines
+        own = fit.compression + fit.force / shell
+        assert peaks.get_xydata() == pytest.approx(np.column_stack([1e3 * own, 1e-3 * fit.force]))
+        x = np.interp(0.5 * law.get_ydata()[-1], law.get_ydata(), law.get_xdata())
+        force = 1e3 * 0.5 * law.get_ydata()[-1]
+        approach = np.log1p(force / fit.A) / fit.B + force / shell
+        assert x == pytest.approx(1e3 * approach, rel=1e-3)
+        assert law.get_xdata()[-1] > peaks.get_xdata().max()
+        worst = 100.0 * np.abs(fit.residual).max()
+        assert ax.get_title().startswith(f"{fit.side}: A = {fit.A:.0f} N, B = {fit.B:.2f} 1/m")
+        assert ax.get_title().endswith(f"worst residual {worst:.1f} %")
 
 
 def test_too_few_speeds_of_a_side_are_refused() -> None:

@@ -297,6 +297,35 @@ def test_trials_and_plot_are_left_for_a_reader(plan, tmp_path):
     assert (tmp_path / "out" / "pareto.png").read_bytes()[:4] == b"\x89PNG"
 
 
+@pytest.mark.parametrize(("goal", "expected"), [("minimise", [300.0, 250.0, 240.0]),
+                                                ("maximise", [300.0, 310.0, 320.0])])  # fmt: skip
+def test_the_plot_of_one_objective_shows_its_best_value_so_far(plan, goal, expected):
+    """Of the designs that meet every limit, beside those and the reference."""
+    pytest.importorskip("matplotlib", reason="the plot needs the extra 'study'")
+    from matplotlib.figure import Figure
+
+    from helmet_sim_ros.study.optimisation.output import _history
+    from helmet_sim_ros.study.optimisation.trials import OptimisationResult, Trial
+
+    mine = plan(objectives=[{goal: "worst peak_g"}])
+    peaks = {0: 300.0, 1: 310.0, 2: 250.0, 3: 250.0, 4: 320.0, 5: 240.0}
+    missed = Trial(6, {}, {"worst peak_g": 100.0 if goal == "minimise" else 900.0}, {"hic": 0.1})
+    trials = [Trial(n, {}, {"worst peak_g": g}) for n, g in peaks.items()] + [missed]
+    reference = Trial(-1, {}, {"worst peak_g": 280.0})
+    result = OptimisationResult(mine, Path(), reference, tuple(trials), (), (), 7)
+    axis = Figure().subplots()
+    _history(axis, result, "worst peak_g")
+    best, known = axis.lines
+    assert list(best.get_ydata()) == expected
+    assert [peaks[n] for n in best.get_xdata()] == expected
+    assert list(known.get_ydata()) == [280.0, 280.0]
+    assert axis.collections[0].get_offsets().tolist() == [[n, g] for n, g in peaks.items()]
+    assert (axis.get_xlabel(), axis.get_ylabel()) == ("trial", "worst peak g [g]")
+    assert [text.get_text() for text in axis.get_legend().get_texts()] == [
+        "every limit is met", "best so far", "reference",
+    ]  # fmt: skip
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [

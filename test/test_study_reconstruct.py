@@ -1,5 +1,6 @@
 """From residual crush to the crash: synthetic crush maps with a known truth."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -7,10 +8,11 @@ import pytest
 from click.testing import CliRunner
 
 from helmet_sim_ros.cli import main
-from helmet_sim_ros.errors import SetupError
+from helmet_sim_ros.errors import SetupError, StudyError
 from helmet_sim_ros.model.force.columns import columns
 from helmet_sim_ros.model.impact import Impact
 from helmet_sim_ros.model.setup import ImpactSetup
+from helmet_sim_ros.study.reconstruction import posterior
 from helmet_sim_ros.study.reconstruction.crash import (
     DURATION,
     residual_crush,
@@ -18,10 +20,17 @@ from helmet_sim_ros.study.reconstruction.crash import (
     setup_of,
     site,
 )
-from helmet_sim_ros.study.reconstruction.crush_map import CrushMap, interpolation, read_crush_map
+from helmet_sim_ros.study.reconstruction.crush_map import (
+    CrushMap,
+    directions,
+    interpolation,
+    on_shell,
+    read_crush_map,
+)
 from helmet_sim_ros.study.reconstruction.posterior import (
     UNITS,
     Reconstruction,
+    _kept,
     _middle,
     most_likely,
     reconstruct,
@@ -113,6 +122,16 @@ def test_a_map_of_another_helmet_is_not_explained() -> None:
     assert result.misfit > 2.0 and any("misses the map" in note for note in result.notes)
 
 
+def test_crashes_that_diverge_are_left_out_until_they_are_too_many() -> None:
+    points, crush = np.arange(10.0)[:, None], np.ones((10, 2))
+    crush[:2, 1] = np.nan
+    kept, depths = _kept(points, crush)
+    assert kept.ravel().tolist() == list(range(2, 10)) and depths.shape == (8, 2)
+    crush[2, 0] = np.inf
+    with pytest.raises(StudyError, match="3 of 10 simulations diverged"):
+        _kept(points, crush)
+
+
 def test_places_about_the_scene_turn_by_their_angles() -> None:
     about = scene(FOAM, np.array([0.0, 1.0, 0.0]), 10.0, 8.0)
     azimuth, elevation = site(about, np.radians([0.0, 10.0, 0.0]), np.radians([0.0, 0.0, 10.0]))
@@ -120,6 +139,30 @@ def test_places_about_the_scene_turn_by_their_angles() -> None:
     assert elevation == pytest.approx([0.0, 0.0, 10.0])
     setup = setup_of(about, np.array([5.0, 3.0, 4.0, 0.0, 0.0]))
     assert (setup.normal_velocity, setup.tangential_velocity) == pytest.approx((5.0, 5.0))
+
+
+@pytest.mark.parametrize(("unit", "length"), [("mm", 1e-3), ("cm", 1e-2), ("m", 1.0),
+                                              ("in", 0.0254)])  # fmt: skip
+def test_a_crush_map_is_the_same_in_every_unit_and_by_angles(
+    unit: str, length: float, tmp_path: Path
+) -> None:
+    cells = columns(FOAM.helmet_config)
+    azimuth, elevation, depth = np.radians([20.0, 60.0]), np.radians([10.0, 50.0]), 0.004
+    place = on_shell(cells, directions(azimuth, elevation))
+    assert place[0] / np.linalg.norm(place[0]) == pytest.approx(
+        [np.cos(azimuth[0]) * np.cos(elevation[0]), np.sin(azimuth[0]) * np.cos(elevation[0]),
+         np.sin(elevation[0])]
+    )  # fmt: skip
+    by_place = "\n".join(";".join(f"{v / length:.9g}" for v in (*p, depth)) for p in place)
+    by_angle = "\n".join(f"{a};{e};{depth / length:.9g}" for a, e in ((20, 10), (60, 50)))
+    for heading, rows in (
+        (f"x [{unit}];y [{unit}];z [{unit}];depth [{unit}]", by_place),
+        (f"azimuth [deg];elevation [deg];depth [{unit}]", by_angle),
+    ):
+        (tmp_path / "crush.csv").write_text(f"{heading}\n{rows}")
+        found = read_crush_map(tmp_path / "crush.csv", cells)
+        assert found.depth == pytest.approx([depth, depth])
+        assert found.place == pytest.approx(place, abs=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -144,18 +187,40 @@ def test_what_is_no_crush_map_is_refused_with_its_place(
     assert named in str(caught.value)
 
 
-def test_the_command_shows_the_intervals_and_writes_the_sample(tmp_path: Path) -> None:
-    crush = scan(crashed(5.0, 0.0, 2.0, 0.0, 45.0), 4)
-    lines = ["x [mm];y [mm];z [mm];depth [mm]"]
-    rows = np.column_stack([1e3 * crush.place, 1e3 * crush.depth])
-    lines += [";".join(f"{value:.4f}".replace(".", ",") for value in row) for row in rows]
-    (tmp_path / "crush.csv").write_text("\n".join(lines))
-    result = CliRunner().invoke(
-        main, ["reconstruct", "fullface", "--residual", str(tmp_path / "crush.csv"),
-               "--samples", str(tmp_path / "sample.csv")],
-    )  # fmt: skip
+def test_the_command_shows_the_intervals_and_writes_the_sample(
+    sliding, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What it hands over is what the table and the options say; the rest is tested above."""
+    whole, found = sliding
+    rows = np.column_stack([1e3 * whole.place, 1e3 * whole.depth])
+    lines = [";".join(f"{value:.6f}".replace(".", ",") for value in row) for row in rows]
+    file, sample = tmp_path / "crush.csv", tmp_path / "sample.csv"
+    file.write_text("\n".join(["x [mm];y [mm];z [mm];depth [mm]", *lines]))
+    asked: list[tuple[object, ...]] = []
+    monkeypatch.setattr(posterior, "reconstruct", lambda *given: asked.append(given) or found)
+    words = ["reconstruct", "fullface", "--residual", str(file), "--samples", str(sample)]
+    result = CliRunner().invoke(main, words)
     assert result.exit_code == 0, result.output
-    assert "normal velocity" in result.output and "simulations" in result.output
-    sample = np.genfromtxt(tmp_path / "sample.csv", delimiter=",", skip_header=1)
-    assert sample.shape[1] == len(UNITS)
-    assert sample[:, 0].mean() == pytest.approx(5.0, abs=0.3)
+    options = ["--noise", "0.4", "--fastest", "9", "--along", "7", "--seed", "3",
+               "--friction", "0.3", "--head-mass", "5", "--surface", "kerbstone"]  # fmt: skip
+    assert CliRunner().invoke(main, [*words[:4], *options]).exit_code == 0
+    (crush, setup, *rest), (_, other, *others) = asked
+    assert crush.place == pytest.approx(whole.place, abs=1e-8)
+    assert crush.depth == pytest.approx(whole.depth, abs=1e-8)
+    assert (setup.rig, setup.surface, rest) == ("headform", "ground", [0.5e-3, 10.0, 8.0, 0])
+    assert setup.helmet_config.coupling == "foam"
+    assert (other.surface, other.friction, others) == ("kerbstone", 0.3, [0.4e-3, 9.0, 7.0, 3])
+    assert other.described()["rider.head_mass"] == 5.0
+    for name, unit in UNITS.items():
+        low, middle, high = found.interval(name)
+        numbers = rf" +{low:.2f} +{middle:.2f} +{high:.2f} +{100.0 * found.told[name]:.0f} %"
+        assert re.search(name.replace("_", " ") + " +" + unit + numbers, result.output), name
+    assert f"{found.simulations} simulations" in result.output
+    table = np.genfromtxt(sample, delimiter=",", names=True)
+    assert len(table.dtype.names) == len(UNITS)
+    column = next(name for name in table.dtype.names if name.startswith("normal_velocity"))
+    quartiles = np.percentile(table[column], [5.0, 50.0, 95.0])
+    assert quartiles == pytest.approx(found.interval("normal_velocity"), rel=1e-3)
+    for key, value in (("noise", "0"), ("fastest", "21"), ("along", "0.1")):
+        refused = CliRunner().invoke(main, [*words, f"--{key}", value])
+        assert refused.exit_code == 2 and f"{key} = " in refused.stderr

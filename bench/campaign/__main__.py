@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+import signal
 import tempfile
 import time
 from pathlib import Path
@@ -53,6 +54,8 @@ def main(
     is_list: bool,
 ) -> None:  # fmt: skip
     """Attack and count. Exit code 1: something was lost or failed."""
+    # A shell has what it starts in the background ignore Ctrl-C, and so would all that is started.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     console = Console(highlight=False, soft_wrap=True)
     chosen = [attack for attack in ATTACKS if not only or attack.name in only]
     if is_list:

@@ -11,17 +11,36 @@ from typing import Any
 from bench.campaign.attack import Attack, Outcome
 from helmet_sim_ros.biomech.standards import load_standard
 from helmet_sim_ros.errors import HelmetSimError
+from helmet_sim_ros.model.fall.posture import load_posture
+from helmet_sim_ros.model.foams import load_foam
+from helmet_sim_ros.model.head_surface import load_head_surface
+from helmet_sim_ros.model.headform import load_headform
 from helmet_sim_ros.model.helmet import load_helmet
+from helmet_sim_ros.model.surface.scenes import load_scene, load_surface
 from helmet_sim_ros.resources import share_directory
 from helmet_sim_ros.study import load_optimisation, load_scenario, load_study
+from helmet_sim_ros.study.certification.protocol import load_protocol
+from helmet_sim_ros.study.sweeps.population import load_population
+from helmet_sim_ros.study.validation.experiments import load_experiments
+from helmet_sim_ros.study.validation.foam import load_foam_reference
 from helmet_sim_ros.yaml_file import read_yaml
 
-#: Folder of config/ -> what reads its files.
+#: Files of config/ -> what reads them.
 READERS: dict[str, Callable[[str], Any]] = {
-    "helmets": load_helmet,
-    "standards": load_standard,
-    "scenarios": load_scenario,
-    "studies": lambda path: _study(path),
+    "helmets/*": load_helmet,
+    "standards/*": load_standard,
+    "scenarios/*": load_scenario,
+    "studies/*": lambda path: _study(path),
+    "protocols/*": load_protocol,
+    "populations/*": load_population,
+    "foams/*": load_foam,
+    "headforms/*": load_headform,
+    "head_surfaces/*": load_head_surface,
+    "postures/*": load_posture,
+    "surfaces/*": load_surface,
+    "scenes/*": load_scene,
+    "references/experiments_*": load_experiments,
+    "references/eps": load_foam_reference,
 }
 BOMB = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
     f"{new}: &{new} [{', '.join([f'*{old}'] * 9)}]\n"
@@ -51,12 +70,12 @@ class MutatedYaml(Attack):
     """A mutated file is read, or refused by an error of ours, at once and with little memory."""
 
     name = "mutated YAML"
-    what = "helmets, standards, scenarios and studies with changed text, values, aliases and types"
+    what = "configuration files of every kind with changed text, values, aliases and types"
     cases = (1000, 10_000)
 
     def prepare(self, folder: Path) -> None:
         config = share_directory() / "config"
-        self._files = {kind: sorted((config / kind).glob("*.yaml")) for kind in READERS}
+        self._files = {kind: sorted(config.glob(f"{kind}.yaml")) for kind in READERS}
         self._texts = [path.read_text() for paths in self._files.values() for path in paths]
         self._place = folder / "mutated.yaml"
         for kind, paths in self._files.items():  # what is not mutated can be read
@@ -68,7 +87,7 @@ class MutatedYaml(Attack):
         path = rng.choice(self._files[kind])
         text = self._mutated(path.read_text(), rng)
         self._place.write_bytes(text.encode("utf-8", "surrogateescape"))
-        what = f"{kind}/{path.name}"
+        what = f"{path.parent.name}/{path.name}"
         try:
             READERS[kind](str(self._place))
         except HelmetSimError as error:

@@ -152,7 +152,7 @@ def _origin(element: Element, position: FloatArray, quaternion: FloatArray) -> N
     w, x, y, z = (float(v) for v in quaternion)
     sine = max(-1.0, min(1.0, 2.0 * (w * y - z * x)))
     if abs(sine) > 1.0 - 1e-12:  # straight up or down: roll and yaw turn about one axis
-        roll, yaw = 0.0, math.copysign(-2.0, sine) * math.atan2(x, w)
+        roll, yaw = 0.0, -math.copysign(2.0, sine) * math.atan2(x, w)
     else:
         roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
         yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))

@@ -47,6 +47,8 @@ CRITERIA_TIMEOUT = 30.0
 #: Criteria kept for impacts whose samples have not been written yet: more than the 5000 blocks that
 #: Fast DDS may hold unread for this node where the user chose profiles of his own.
 CRITERIA_KEPT = 6000
+#: Criteria kept that are written already: of as many impacts as an assembler knows to have ended.
+TOLD_KEPT = 100
 #: How often the node looks whether anybody sends at all [s].
 WATCH_PERIOD = 0.2
 
@@ -85,6 +87,9 @@ class RecorderNode(Node):
         self._awaiting: dict[str, _Awaiting] = {}
         # Criteria by impact; the evaluator may well be ahead of this node.
         self._criteria: OrderedDict[str, _Judged] = OrderedDict()
+        # Those that are written. A stranger's block ends an impact that then starts anew; where the
+        # evaluator meets that block later, it has told its one verdict already.
+        self._told: OrderedDict[str, _Judged] = OrderedDict()
         self._digest = ""  # of the setup of the impact that is being written
         self._seen = self._judged_last = time.monotonic()
         self._heard = 0.0  # when samples last arrived, wall time
@@ -218,6 +223,8 @@ class RecorderNode(Node):
         for impact_id, awaiting in list(self._awaiting.items()):
             judged = self._criteria.pop(impact_id, None)
             reason = self._no_criteria(awaiting, judged)
+            if reason and judged is None and (judged := self._told.get(impact_id)) is not None:
+                reason = self._no_criteria(awaiting, judged)
             if judged is not None or reason:
                 del self._awaiting[impact_id]
                 self._settled(impact_id, awaiting.session, judged, reason)
@@ -233,6 +240,9 @@ class RecorderNode(Node):
         message, level = "recording", DiagnosticStatus.OK
         if judged is not None and not reason:
             session.add_serialized_criteria(judged.time_ns, judged.serialized, judged.topic)
+            self._told[impact_id] = judged
+            while len(self._told) > TOLD_KEPT:
+                self._told.popitem(last=False)
         else:
             session.note_no_criteria(impact_id, reason)
             message, level = f"impact {impact_id} has no criteria: {reason}", DiagnosticStatus.WARN

@@ -19,6 +19,7 @@ from helmet_sim_ros.biomech.record import same_samples
 from helmet_sim_ros.errors import LogError
 from helmet_sim_ros.mcap_log import LoggedImpact
 from helmet_sim_ros.mcap_log.digest import setup_digest
+from helmet_sim_ros.mcap_log.layout import NO_CRITERIA
 from helmet_sim_ros.mcap_log.recover import recover
 from helmet_sim_ros.mcap_log.writer import PART
 from helmet_sim_ros.nodes.setup_parameters import parameter_values
@@ -247,7 +248,10 @@ def compare(impact: LoggedImpact, setup: ImpactSetup, judged: bool = True) -> No
         raise Loss(f"{name}: the log has other samples")
     found = impact.logged
     if found is None and judged:
-        raise Loss(f"{name}: no criteria in the log")
+        source = impact._log._source
+        notes = [i for i in source.metadata_index if i.name == NO_CRITERIA + name]
+        told = "; ".join(source.metadata(note)["reason"] for note in notes)
+        raise Loss(f"{name}: no criteria in the log: {told or 'and it does not say why'}")
     if found is not None and found != evaluate(record):
         raise Loss(f"{name}: the log has other criteria")
 

@@ -128,10 +128,11 @@ def _headline(
     rows: Sequence[Reviewed], falls: Sequence[ReviewedFall], failed: int, differing: int
 ) -> str:
     titles = ", ".join(dict.fromkeys(row.evaluation.title for row in rows))
-    what = "head strike" if falls else "impact"
+    ending = "s" if len(rows) > 1 else ""
+    what = f"head strike{ending}" if falls else f"impact{ending}"
     if falls and any(isinstance(row.impact, LoggedImpact) for row in rows):
-        what = "impact or head strike"
-    count = f"{len(rows)} {what}" + ("s" if len(rows) > 1 else "")
+        what = f"impact{ending} or head strike{ending}"
+    count = f"{len(rows)} {what}"
     if falls:
         count = f"{len(falls)} fall{'s' * (len(falls) > 1)}, " + count
     if not rows:

@@ -101,7 +101,6 @@ def fit_histories(
                 f"helmet.{name}", value, "must be a number above 0 in the helmet to be fitted"
             )
     start = np.log([values[name] for name in names])
-    weights = [1.0 / float(drop.acceleration.max()) for drop in drops]
 
     def histories(logs: FloatArray) -> list[FloatArray]:
         changes = dict(zip(names, np.exp(logs).tolist(), strict=True))
@@ -112,16 +111,13 @@ def fit_histories(
             simulated = histories(logs)
         except SetupError:  # outside a range: as bad as no helmet at all
             simulated = [np.zeros_like(drop.acceleration) for drop in drops]
-        return np.concatenate(
-            [(s - d.acceleration) * w for s, d, w in zip(simulated, drops, weights, strict=True)]
-        )
+        return np.concatenate(_differences(simulated, drops))
 
     result = least_squares(apart, start, diff_step=STEP, x_scale=0.1, max_nfev=30, xtol=1e-4,
                            ftol=1e-5)  # fmt: skip
     best = result.x
     simulated = histories(best)
-    differences = [(s - d.acceleration) * w
-                   for s, d, w in zip(simulated, drops, weights, strict=True)]  # fmt: skip
+    differences = _differences(simulated, drops)
     jacobian = _sensitivity(apart, best)
     fitted, rank, correlation, notes = _judged(names, best, jacobian, differences)
     chosen = dict(zip(names, np.exp(best).tolist(), strict=True))
@@ -130,6 +126,16 @@ def fit_histories(
     return HistoryFit(
         fitted, config, tuple(drops), tuple(simulated), error, rank, correlation, notes
     )
+
+
+def _differences(
+    simulated: Sequence[FloatArray], drops: Sequence[MeasuredDrop]
+) -> list[FloatArray]:
+    """Of each drop, at its samples, in shares of the measured peak [-]."""
+    return [
+        (here - drop.acceleration) / float(drop.acceleration.max())
+        for here, drop in zip(simulated, drops, strict=True)
+    ]
 
 
 def _usual(drops: Sequence[MeasuredDrop], coupling: str) -> tuple[str, ...]:
