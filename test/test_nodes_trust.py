@@ -185,9 +185,9 @@ def test_criteria_of_every_impact_are_in_the_log_however_far_the_recorder_is_beh
     """Of 1120 impacts, 381 had no criteria in the log although the evaluator had given them all: a
     review of the log took for never judged what a client had seen judged."""
     assert rig.set(**parameter_values(SETUP.replaced({"duration": 1.0}))) == ""
-    long = run_impacts(rig, 2)  # keeps the recorder busy, which writes a message for each sample
+    long = run_impacts(rig, 4)  # keeps the recorder busy, which writes a message for each sample
     assert rig.set(**parameter_values(SETUP.replaced({"duration": 1e-3}))) == ""
-    ids = long + run_impacts(rig, 150)  # more than any queue of criteria holds
+    ids = long + run_impacts(rig, 300)
     log = open_log(finish(rig, ids[-1]))
     mine = [impact for impact in log.impacts if impact.impact_id in ids]
     assert [impact.impact_id for impact in mine] == ids and not log.problems
