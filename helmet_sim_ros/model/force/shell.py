@@ -311,8 +311,7 @@ def lay(shell: Shell, surface: Surface, rows: int, columns: int, row: int, colum
         for j in range(columns):
             k = (i + 1) * (columns + 2) + j + 1
             oi, oj = i + away_i, j + away_j
-            ni, nj = min(max(oi, 0), had_rows - 1), min(max(oj, 0), had_columns - 1)
-            if oi == ni and oj == nj:
+            if 0 <= oi < had_rows and 0 <= oj < had_columns:
                 o = node(grid, oi, oj)
                 grid.height[k], grid.speed[k], grid.slow[k] = height[o], speed[o], slow[o]
                 grid.anvil[k], shell.friction[k] = anvil[o], friction[o]
