@@ -7,7 +7,8 @@ import pytest
 
 from helmet_sim_ros import ImpactSetup, evaluate, simulate
 from helmet_sim_ros.biomech.record import ImpactRecord
-from helmet_sim_ros.model.force.shell import RESTS
+from helmet_sim_ros.model.force.plate import COLUMNS, FIRST_COLUMN, FIRST_ROW, ROWS, Plate
+from helmet_sim_ros.model.force.shell import RESTS, lay
 from helmet_sim_ros.model.helmet import load_helmet
 from helmet_sim_ros.model.impact import Impact
 
@@ -187,6 +188,48 @@ def test_shorter_steps_within_the_plate_change_nothing(surface: str) -> None:
     impact.run()
     peak = peak_g(drop(surface, ANVILS[surface]))
     assert peak_g(impact.record()) == pytest.approx(peak, rel=5e-3)
+
+
+def nodes(grid: Plate, a: np.ndarray) -> np.ndarray:
+    """Those of the window, (rows, columns)."""
+    rows, columns = int(grid.window[ROWS]) + 2, int(grid.window[COLUMNS]) + 2
+    return a[: rows * columns].reshape(rows, columns)[1:-1, 1:-1].copy()
+
+
+def test_the_window_reaches_beyond_all_that_foam_presses() -> None:
+    impact = Impact(setup("hemisphere", 5.2))
+    grid, areas = impact._simulation.forces.shell.grid, []
+    for sample in range(50, 200, 25):
+        impact.advance(sample)
+        pressed = np.argwhere(nodes(grid, grid.steepness) > 0.0)
+        if not len(pressed):
+            continue
+        areas.append(int(grid.window[ROWS] * grid.window[COLUMNS]))
+        assert pressed.min() >= int(grid.overhang) > 2
+        assert (pressed <= grid.window[:2] - 1 - int(grid.overhang)).all()
+    assert len(areas) > 3
+    assert min(areas) < 0.9 * max(areas)  # it grows with the contact
+
+
+def test_a_window_laid_anew_keeps_its_nodes_and_finds_what_is_below_the_others() -> None:
+    impact = Impact(setup("hemisphere", 5.2))
+    impact.advance(100)
+    forces = impact._simulation.forces
+    grid, window = forces.shell.grid, forces.shell.grid.window
+    height, speed = nodes(grid, grid.height), nodes(grid, grid.speed)
+    rows, columns, row, column = window.tolist()
+    lay(forces.shell, forces.surface, rows - 3, columns + 4, row + 2, column - 3)
+    assert window.tolist() == [rows - 3, columns + 4, row + 2, column - 3]
+    assert np.array_equal(nodes(grid, grid.height)[:, 3:-1], height[2:-1])
+    assert np.array_equal(nodes(grid, grid.speed)[:, 3:-1], speed[2:-1])
+    radius = 0.048
+    x = grid.cell * (window[FIRST_ROW] + np.arange(rows - 3))[:, None]
+    y = grid.cell * (window[FIRST_COLUMN] + np.arange(columns + 4))[None, :]
+    away = np.hypot(x, y)
+    over = away < 0.9 * radius
+    below = np.sqrt(np.where(over, radius**2 - away**2, 0.0)) - radius
+    assert np.abs(nodes(grid, grid.anvil) - below)[over].max() < 1e-6
+    assert (nodes(grid, grid.anvil)[away > radius] < -0.5).all()
 
 
 def test_a_liner_crushed_beyond_its_foam_says_where() -> None:

@@ -9,8 +9,8 @@ law. Its bending carries load to columns that the surface does not reach. What f
 - on flat ground it lies flat and does nothing: what flattening a curved shell costs is not
   modelled (Mills & Gilchrist 1992: fibre shells hardly deform on flat ground).
 
-Its grid (:mod:`.plate`) lies in the tangent plane of the first contact, at rest in the world, and
-follows the helmet by whole cells. The force on the helmet is the foam's.
+Its grid (:mod:`.plate`) lies in the tangent plane of the first contact, at rest in the world; the
+window that is stepped covers what the foam presses. The force on the helmet is the foam's.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helmet_sim_ros.biomech.record import FloatArray
-from helmet_sim_ros.model.compiled import allocating, compiled, inlined
+from helmet_sim_ros.model.compiled import compiled, inlined
 from helmet_sim_ros.model.force.bodies import (
     HELMET,
     Loads,
@@ -45,7 +45,23 @@ from helmet_sim_ros.model.force.liner import (
     quickened,
     release,
 )
-from helmet_sim_ros.model.force.plate import Plate, move, plate, rests, soften
+from helmet_sim_ros.model.force.plate import (
+    COLUMNS,
+    FIRST_COLUMN,
+    FIRST_ROW,
+    ROWS,
+    Plate,
+    extent,
+    flies,
+    free_nodes,
+    height_at,
+    in_plate,
+    move,
+    node,
+    plate,
+    rests,
+    soften,
+)
 from helmet_sim_ros.model.force.vector import (
     across,
     add,
@@ -70,8 +86,10 @@ NOTHING = -1.0  # m, height where there is no surface
 RISE = 0.01  # m over the tangent plane, below which columns count as near
 FOUND = 1e-7  # m
 STEPS = 60  # of the search for the surface
-SLACK = 1.5  # cells that the helmet may move before the grid follows
 HOLD = 12.5e-6  # s, longest time for which foam follows its tangent and moments their secant
+SPARE = 0.006  # m by which a window that is laid anew is larger than it must be
+IDLE = 0.018  # m beyond twice the overhang, from where on a window is too large
+FAR = 1 << 30  # of any node
 #: How much faster than any point of the helmet a node of the plate may be: what has no inertia of
 #: its own follows, and is not flung. Choice.
 FLING = 1.5
@@ -79,10 +97,10 @@ FLING = 1.5
 #: below it is laid anew. Choice.
 TURNED = 0.9
 
-#: What is kept of each column: cell of the grid that it is over, and its place there from 0 to 1;
-#: height over the tangent plane [m], cosine of its normal to the plane's, rate of the height [m/s],
-#: and the force that it has now [N].
-CELL_U, CELL_V, ACROSS, ALONG, HEIGHT, COSINE, RATE, PUSHED = range(8)
+#: What is kept of each column: first node of the cell that it is over, and its place there from 0
+#: to 1 (before the cell is known: in the whole grid [cells]); height over the tangent plane [m],
+#: cosine of its normal to the plane's, rate of the height [m/s], and the force that it has now [N].
+CELL, ACROSS, ALONG, HEIGHT, COSINE, RATE, PUSHED = range(7)
 
 AWAY, RESTS, MOVES = range(3)  # of a shell: not in place; flat, and still; bent
 
@@ -96,8 +114,8 @@ class Shell(NamedTuple):
         plane: the tangent plane as a surface; state.
         frame: origin (3) [m], and unit vectors x, y and outward normal; (12,), state.
         next: the same of where the helmet is deepest now; (12,), working memory.
-        friction: of what lies below each node, (n, n); state.
-        columns: of each column, see ``CELL_U`` to ``PUSHED``; (columns, 8).
+        friction: of what lies below each node; state.
+        columns: of each column, see ``CELL`` to ``PUSHED``; (columns, 7).
         active: indices of the columns that may touch the plate, their number in the last place.
     """
 
@@ -165,11 +183,10 @@ def below(
 
 
 @compiled
-def survey(shell: Shell, surface: Surface, i: int, j: int) -> None:
-    """Find what lies below one node."""
-    f, grid, cell = shell.frame, shell.grid, shell.grid.cell
-    middle = (len(grid.height) - 1) // 2
-    u, v = (i - middle) * cell, (j - middle) * cell
+def survey(shell: Shell, surface: Surface, k: int, i: int, j: int) -> None:
+    """Find what lies below node k of the window, which is in that row and column of the grid."""
+    f, cell = shell.frame, shell.grid.cell
+    u, v = i * cell, j * cell
     way, which = below(
         surface,
         f[0] + u * f[3] + v * f[6] + ABOVE * f[9],
@@ -177,8 +194,8 @@ def survey(shell: Shell, surface: Surface, i: int, j: int) -> None:
         f[2] + u * f[5] + v * f[8] + ABOVE * f[11],
         f[9], f[10], f[11],
     )  # fmt: skip
-    grid.anvil[i, j] = ABOVE - way if way <= ABOVE + BELOW else NOTHING
-    shell.friction[i, j] = surface.friction[which]
+    shell.grid.anvil[k] = ABOVE - way if way <= ABOVE + BELOW else NOTHING
+    shell.friction[k] = surface.friction[which]
 
 
 @compiled
@@ -234,14 +251,7 @@ def engage(shell: Shell, liner: CrushingLiner, surface: Surface, motion: Motion)
         for j in range(3):
             shell.plane.rotation[0, 3 * k + j] = f[3 + 3 * j + k]
     liner.near.position[:] = np.inf  # the list of near columns is now that of the plane
-    grid = shell.grid
-    grid.height[:] = 0.0
-    grid.speed[:] = 0.0
-    grid.slow[:] = 0.0
-    n = len(grid.height)
-    for i in range(n):
-        for j in range(n):
-            survey(shell, surface, i, j)
+    shell.grid.window[:] = 0
     return True
 
 
@@ -254,59 +264,82 @@ def turned_away(shell: Shell, liner: CrushingLiner, surface: Surface, motion: Mo
     return dot(row3(shell.next, 9), row3(shell.frame, 9)) < TURNED
 
 
-@allocating
-def follow(shell: Shell, liner: CrushingLiner, surface: Surface, motion: Motion) -> None:
-    """Move the grid by whole cells so that the lowest point of the helmet stays near its middle."""
-    helmet = rigid(motion, liner.helmet)
-    f, grid, cell = shell.frame, shell.grid, shell.grid.cell
-    r = helmet.rotation
-    d = (
-        -(r[0] * f[9] + r[3] * f[10] + r[6] * f[11]),
-        -(r[1] * f[9] + r[4] * f[10] + r[7] * f[11]),
-        -(r[2] * f[9] + r[5] * f[10] + r[8] * f[11]),
-    )  # fmt: skip
-    a = liner.semi_axes
-    scale = 1.0 / ((a[0] * d[0]) ** 2 + (a[1] * d[1]) ** 2 + (a[2] * d[2]) ** 2) ** 0.5
-    c = liner.center
-    lowest = world_point(helmet, (
-        c[0] + a[0] * a[0] * d[0] * scale, c[1] + a[1] * a[1] * d[1] * scale,
-        c[2] + a[2] * a[2] * d[2] * scale,
-    ))  # fmt: skip
-    off = sub(lowest, (f[0], f[1], f[2]))
-    du, dv = dot(off, (f[3], f[4], f[5])), dot(off, (f[6], f[7], f[8]))
-    if abs(du) <= SLACK * cell and abs(dv) <= SLACK * cell:
+@compiled
+def cover(shell: Shell, surface: Surface) -> None:
+    """Lay the window anew where it does not reach beyond all active columns, or reaches too far."""
+    grid, active, state = shell.grid, shell.active, shell.columns
+    window, margin = grid.window, max(1, math.ceil(grid.overhang))
+    spare, idle = math.ceil(SPARE / grid.cell), math.ceil(IDLE / grid.cell)
+    top = left = FAR
+    bottom = right = -FAR
+    for n in range(active[-1]):
+        i, j = math.floor(state[active[n], ACROSS]), math.floor(state[active[n], ALONG])
+        top, bottom = min(top, i - margin), max(bottom, i + 1 + margin)
+        left, right = min(left, j - margin), max(right, j + 1 + margin)
+    over, before = top - window[FIRST_ROW], left - window[FIRST_COLUMN]
+    under = window[FIRST_ROW] + window[ROWS] - 1 - bottom
+    behind = window[FIRST_COLUMN] + window[COLUMNS] - 1 - right
+    least, most = min(over, under, before, behind), max(over, under, before, behind)
+    if least >= 0 and most <= margin + idle:
         return
-    si, sj = round(du / cell), round(dv / cell)
-    for k in range(3):
-        f[k] += cell * (si * f[3 + k] + sj * f[6 + k])
-    n = len(grid.height)
-    height, speed = grid.height.copy(), grid.speed.copy()
-    slow = grid.slow.copy()
-    anvil, friction = grid.anvil.copy(), shell.friction.copy()
-    for i in range(n):
-        for j in range(n):
-            oi, oj = i + si, j + sj
-            if 0 <= oi < n and 0 <= oj < n:
-                grid.height[i, j], grid.speed[i, j] = height[oi, oj], speed[oi, oj]
-                grid.slow[i, j] = slow[oi, oj]
-                grid.anvil[i, j], shell.friction[i, j] = anvil[oi, oj], friction[oi, oj]
-            else:
-                survey(shell, surface, i, j)
-                ni, nj = min(max(oi, 0), n - 1), min(max(oj, 0), n - 1)
-                grid.height[i, j] = max(height[ni, nj], grid.anvil[i, j])
-                grid.speed[i, j] = speed[ni, nj]
-                grid.slow[i, j] = slow[ni, nj]
+    # The largest window covers the middle of a larger contact.
+    rows, columns = bottom - top + 1 + 2 * spare, right - left + 1 + 2 * spare
+    kept_rows, kept_columns = min(rows, grid.most), min(columns, grid.most)
+    lay(
+        shell, surface, kept_rows, kept_columns,
+        top - spare + (rows - kept_rows) // 2, left - spare + (columns - kept_columns) // 2,
+    )  # fmt: skip
 
 
 @compiled
-def on_plate(grid: Plate, u: float, v: float) -> tuple[int, int, float, float]:
-    """Cell that holds a point of the plane, and the point's place in it from 0 to 1. Beyond the
-    grid the plate goes on as at its edge."""
-    n, middle = len(grid.height), (len(grid.height) - 1) // 2
-    x = min(max(u / grid.cell + middle, 0.0), n - 1.0)
-    y = min(max(v / grid.cell + middle, 0.0), n - 1.0)
-    i, j = min(math.floor(x), n - 2), min(math.floor(y), n - 2)
-    return i, j, x - i, y - j
+def lay(shell: Shell, surface: Surface, rows: int, columns: int, row: int, column: int) -> None:
+    """Lay the window with so many rows and columns and its first node in that row and column of the
+    grid. Nodes that it had stay as they are, others go on from them."""
+    grid, window = shell.grid, shell.grid.window
+    kept = (grid.height, grid.speed, grid.slow, grid.anvil)
+    height, speed, slow, anvil, friction = (
+        grid.lagging, grid.pull, grid.smoothed, grid.moments[0], grid.moments[1],
+    )  # fmt: skip
+    for k in range(len(height)):
+        height[k], speed[k], slow[k] = grid.height[k], grid.speed[k], grid.slow[k]
+        anvil[k], friction[k] = grid.anvil[k], shell.friction[k]
+    for a in kept:
+        a[:] = 0.0
+    shell.friction[:] = 0.0
+    had_rows, had_columns = window[ROWS], window[COLUMNS]
+    away_i, away_j = row - window[FIRST_ROW], column - window[FIRST_COLUMN]
+    for i in range(rows):
+        for j in range(columns):
+            k = (i + 1) * (columns + 2) + j + 1
+            oi, oj = i + away_i, j + away_j
+            if 0 <= oi < had_rows and 0 <= oj < had_columns:
+                o = node(grid, oi, oj)
+                grid.height[k], grid.speed[k], grid.slow[k] = height[o], speed[o], slow[o]
+                grid.anvil[k], shell.friction[k] = anvil[o], friction[o]
+            else:
+                survey(shell, surface, k, row + i, column + j)
+                grid.height[k] = max(height_at(grid, height, float(oi), float(oj)), grid.anvil[k])
+    window[ROWS], window[COLUMNS], window[FIRST_ROW], window[FIRST_COLUMN] = (
+        rows, columns, row, column,
+    )  # fmt: skip
+    for a in (grid.pressed, grid.steepness, height, speed, slow):
+        a[:] = 0.0
+    grid.free[:] = 1.0
+    grid.moments[:] = 0.0
+    grid.softened[:] = 0.0
+
+
+@compiled
+def find_cells(shell: Shell) -> None:
+    """Find the cells of the window that active columns are over. Beyond the largest window the
+    plate goes on as at its edge."""
+    grid, active, state = shell.grid, shell.active, shell.columns
+    for n in range(active[-1]):
+        c = active[n]
+        x, y = state[c, ACROSS], state[c, ALONG]
+        i, j, a, b = in_plate(grid, x - grid.window[FIRST_ROW], y - grid.window[FIRST_COLUMN])
+        state[c, CELL] = node(grid, i, j)
+        state[c, ACROSS], state[c, ALONG] = min(max(a, 0.0), 1.0), min(max(b, 0.0), 1.0)
 
 
 @compiled
@@ -314,17 +347,18 @@ def press(shell: Shell, liner: CrushingLiner, early: float) -> None:
     """Forces of the foam on the plate, and tangents, ``early`` seconds before the step ends."""
     _, _, areas, thicknesses, radii, foams = liner.columns
     grid, active, state = shell.grid, shell.active, shell.columns
-    z, pressed, steepness = grid.height, grid.pressed, grid.steepness
+    z, stride = grid.height, int(grid.window[COLUMNS]) + 2
     largest, rest = liner.largest, liner.rest
-    pressed[:] = 0.0
-    steepness[:] = 0.0
+    _, end, _ = extent(grid)
+    grid.pressed[:end] = 0.0
+    grid.steepness[:end] = 0.0
     for n in range(active[-1]):
         c = active[n]
         height, cosine, rate = state[c, HEIGHT], state[c, COSINE], state[c, RATE]
         state[c, PUSHED] = 0.0
-        i, j, a, b = int(state[c, CELL_U]), int(state[c, CELL_V]), state[c, ACROSS], state[c, ALONG]
+        k, a, b = int(state[c, CELL]), state[c, ACROSS], state[c, ALONG]
         q, r, s, t = (1.0 - a) * (1.0 - b), a * (1.0 - b), (1.0 - a) * b, a * b
-        surface = q * z[i, j] + r * z[i + 1, j] + s * z[i, j + 1] + t * z[i + 1, j + 1]
+        surface = q * z[k] + r * z[k + stride] + s * z[k + 1] + t * z[k + stride + 1]
         depth = surface - (height - rate * early)
         share, low, high = part_below(depth, radii[c], cosine)
         if share == 0.0:
@@ -340,17 +374,17 @@ def press(shell: Shell, liner: CrushingLiner, early: float) -> None:
         # Of the line to where it has no force: its tangent as it unloads and before it yields.
         strain = 0.5 * (low + high) * over
         slope = force * over / (strain - (rest[c] if strain < largest[c] else 0.0))
-        load_node(grid, i, j, q, force, slope)
-        load_node(grid, i + 1, j, r, force, slope)
-        load_node(grid, i, j + 1, s, force, slope)
-        load_node(grid, i + 1, j + 1, t, force, slope)
+        load_node(grid, k, q, force, slope)
+        load_node(grid, k + stride, r, force, slope)
+        load_node(grid, k + 1, s, force, slope)
+        load_node(grid, k + stride + 1, t, force, slope)
 
 
 @inlined
-def load_node(grid: Plate, i: int, j: int, share: float, force: float, slope: float) -> None:
+def load_node(grid: Plate, k: int, share: float, force: float, slope: float) -> None:
     """Add a share of a force [N] and of its slope [N/m] to a node."""
-    grid.pressed[i, j] += share * (force - slope * grid.height[i, j])
-    grid.steepness[i, j] += share * slope
+    grid.pressed[k] += share * (force - slope * grid.height[k])
+    grid.steepness[k] += share * slope
 
 
 @compiled
@@ -362,9 +396,10 @@ def place(shell: Shell, liner: CrushingLiner, helmet: Rigid, step: float, fastes
     come since, as where an anvil slips under the rim or enters from the side, does not touch.
     """
     points, normals, radii = liner.columns.point, liner.columns.normal, liner.columns.radius
-    thicknesses = liner.columns.thickness
-    listed, state, f, z = liner.near.listed, shell.columns, shell.frame, shell.grid.height
+    thicknesses, grid = liner.columns.thickness, shell.grid
+    listed, state, f, z = liner.near.listed, shell.columns, shell.frame, grid.height
     origin, ex, ey, up = row3(f, 0), row3(f, 3), row3(f, 6), row3(f, 9)
+    stride, laid = int(grid.window[COLUMNS]) + 2, grid.window[ROWS] > 0
     count = 0
     for n in range(listed[-1]):
         c = listed[n]
@@ -375,20 +410,24 @@ def place(shell: Shell, liner: CrushingLiner, helmet: Rigid, step: float, fastes
             continue
         point = world_point(helmet, row(points, c))
         off = sub(point, origin)
-        i, j, a, b = on_plate(shell.grid, dot(off, ex), dot(off, ey))
+        x, y = dot(off, ex) / grid.cell, dot(off, ey) / grid.cell
         height, rate = dot(off, up), dot(velocity_at(helmet, point), up)
-        highest = max(max(z[i, j], z[i + 1, j]), max(z[i, j + 1], z[i + 1, j + 1]))
+        surface = highest = 0.0
+        if laid:
+            u, v = x - grid.window[FIRST_ROW], y - grid.window[FIRST_COLUMN]
+            i, j, _, _ = in_plate(grid, u, v)
+            k = node(grid, i, j)
+            surface = height_at(grid, z, u, v)
+            highest = max(max(z[k], z[k + stride]), max(z[k + 1], z[k + stride + 1]), surface)
         half = radii[c] * max(0.0, 1.0 - cosine * cosine) ** 0.5
         way = half + (abs(rate) + fastest) * step
         # What was crushed before does not bear again until the foam's rest is reached.
         if (highest - height + way) * cosine <= max(0.0, liner.rest[c]) * thicknesses[c]:
             continue
-        surface = (1.0 - b) * ((1.0 - a) * z[i, j] + a * z[i + 1, j])
-        surface += b * ((1.0 - a) * z[i, j + 1] + a * z[i + 1, j + 1])
         sunk = surface - height - way - fastest * step  # the last: as it slides along a slope
         if not bore and sunk * cosine > max(0.0, liner.rest[c]) * thicknesses[c]:
             continue
-        state[c, CELL_U], state[c, CELL_V], state[c, ACROSS], state[c, ALONG] = i, j, a, b
+        state[c, ACROSS], state[c, ALONG] = x, y
         state[c, HEIGHT], state[c, COSINE], state[c, RATE] = height, cosine, rate
         shell.active[count] = c
         count += 1
@@ -402,8 +441,8 @@ def levered(shell: Shell, liner: CrushingLiner) -> bool:
     z, anvil, state = shell.grid.height, shell.grid.anvil, shell.columns
     for n in range(shell.active[-1]):
         c = shell.active[n]
-        i, j = int(state[c, CELL_U]), int(state[c, CELL_V])
-        if z[i, j] > max(anvil[i, j], 0.0) + liner.columns.thickness[c]:
+        k = int(state[c, CELL])
+        if z[k] > max(anvil[k], 0.0) + liner.columns.thickness[c]:
             return True
     return False
 
@@ -425,6 +464,7 @@ def settle(shell: Shell, liner: CrushingLiner, step: float, fastest: float) -> N
     for k in range(blocks):
         press(shell, liner, step - (k + 0.5) * block)
         soften(shell.grid)
+        free_nodes(shell.grid)
         for _ in range(count):
             move(shell.grid, block / count, fastest)
     press(shell, liner, 0.0)
@@ -453,7 +493,6 @@ def apply(
         shell.engaged[0] = AWAY
         liner.near.position[:] = np.inf
         return
-    follow(shell, liner, surface, motion)
     helmet = rigid(motion, liner.helmet)
     points, foams, largest = liner.columns.point, liner.columns.foam, liner.largest
     state, f = shell.columns, shell.frame
@@ -462,7 +501,13 @@ def apply(
     fastest = FLING * (norm(velocity_at(helmet, helmet.position)) + around)
     place(shell, liner, helmet, step, fastest)
     active = shell.active[-1] > 0
-    if levered(shell, liner) if active else turned_away(shell, liner, surface, motion):
+    if active:
+        cover(shell, surface)
+        find_cells(shell)
+        lost = levered(shell, liner) or flies(shell.grid, RISE)
+    else:
+        lost = turned_away(shell, liner, surface, motion)
+    if lost:
         shell.engaged[0] = AWAY
         liner.near.position[:] = np.inf
     elif active:  # else it rests: it has let go of all that bent it
@@ -481,7 +526,7 @@ def apply(
         shear *= liner.rate[c, 1]
         rubbed = friction_force(
             shear, RELAXATION - motion.ahead,
-            shell.friction[int(state[c, CELL_U]), int(state[c, CELL_V])] * pushed,
+            shell.friction[int(state[c, CELL])] * pushed,
             slip, up, step, stick,
         )  # fmt: skip
         force = add(scaled(up, pushed), rubbed)
