@@ -57,7 +57,7 @@ class Limits(NamedTuple):
     speed_change: float = 0.3
     turn_change: float = 4.0
     ahead: float = 1e-3
-    after: float = 1e-3
+    after: float = 3e-3
     quiet_force: float = 1000.0
     quiet_speed: float = 1.0
 
