@@ -59,8 +59,8 @@ def test_two_seconds_of_flight_keep_the_energy_but_for_what_joints_dissipate() -
 
 
 # A shoulder in a pose where two of its axes are one; a head wedged in its helmet as it takes off; a
-# spring helmet that the fine steps meet pressed; a hip at its stop as a rider takes off. Of 40 falls
-# of each kind these gained energy once.
+# spring helmet that the fine steps meet pressed; a hip at its stop as a rider takes off. Of 40
+# falls of each kind these gained energy once.
 @pytest.mark.parametrize(
     ("seed", "speed", "form"),
     [(16, 15.0, "foam"), (9, 30.0, "foam"), (30, 15.0, "spring"), (2, 30.0, "spring")],

@@ -1,11 +1,11 @@
 """A whole fall: long steps where nothing happens, those of an impact where the head strikes.
 
-The scheme is that of :mod:`helmet_sim_ros.model.loop`, for steps that change: velocities are those of
-half a step ago, so that positions are accurate to second order (leapfrog). In flight, and where a
-sample of long steps is written, they are brought to the time of the positions and on from there.
+The scheme is that of :mod:`helmet_sim_ros.model.loop`, for steps that change: velocities are those
+of half a step ago, so that positions are accurate to second order (leapfrog). In flight, and where
+a sample of long steps is written, they are brought to the time of the positions and on from there.
 Longer steps do not resolve the quick motion of the stiff joints between head, liner and shell: they
-add h^2 K to the inertia there, which slows it down, and, where a strike has loaded them, solve
-(M + h D + h^2 K) a = F - h K v, which also damps it.
+add to the inertia there what h^2 K has beyond a share of it, which slows it down, and, where a
+strike has loaded them, solve (M + h D + h^2 K) a = F - h K v, which also damps it.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ STILL = 0.1  # s, for how long he is before the fall ends; choice
 #: Times the first stiffness of padding and spring: what long steps assume, and what more where a
 #: strike has loaded them. Choices: 1.5 and 0 diverged in 3 of 24 falls, 1.5 and 10 in none.
 PADDED, HELD = 1.5, 10.0
-#: Of an inertia, h^2 K that a step follows without adding to it; leapfrog is stable below 4. Choice.
+#: Of an inertia, h^2 K that a step follows without adding to it (choice; leapfrog: below 4).
 RESOLVED = 0.5
 
 
