@@ -59,16 +59,18 @@ def test_two_seconds_of_flight_keep_the_energy_but_for_what_joints_dissipate() -
 
 
 # A shoulder in a pose where two of its axes are one; a head wedged in its helmet as it takes off; a
-# spring helmet that the fine steps meet pressed. Of 40 falls of each kind these gained energy once.
+# spring helmet that the fine steps meet pressed; a hip at its stop as a rider takes off. Of 40
+# falls of each kind these gained energy once.
 @pytest.mark.parametrize(
-    ("seed", "speed", "form"), [(16, 15.0, "foam"), (9, 30.0, "foam"), (30, 15.0, "spring")]
+    ("seed", "speed", "form"),
+    [(16, 15.0, "foam"), (9, 30.0, "foam"), (30, 15.0, "spring"), (2, 30.0, "spring")],
 )
 def test_a_fall_gains_no_energy(seed: int, speed: float, form: str) -> None:
     falling = random_fall(seed, speed, form, 0.8, energy=True)
     falling.run()
     energy = falling.energy
     assert len(energy) > 300
-    assert (energy - np.minimum.accumulate(energy)).max() < 1e-3 * energy[0]
+    assert (energy - np.minimum.accumulate(energy)).max() < 3e-4 * energy[0]
 
 
 def test_a_fall_ends_when_all_is_at_rest() -> None:

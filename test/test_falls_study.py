@@ -11,8 +11,10 @@ import yaml
 from click.testing import CliRunner
 
 from helmet_sim_ros import Fall, head_strikes, simulate
+from helmet_sim_ros.biomech.record import same_samples
 from helmet_sim_ros.cli import main
 from helmet_sim_ros.errors import SetupError
+from helmet_sim_ros.model.fall.setup import fall_from_names
 from helmet_sim_ros.model.fall.strikes import Location
 from helmet_sim_ros.report.falls.map import strike_map
 from helmet_sim_ros.report.falls.page import falls_page
@@ -98,6 +100,26 @@ def test_a_sweep_writes_the_strikes_of_falls_at_even_steps_through_the_ranks(tmp
     impacts.write_text("cases: [{impact.direction: top}]", encoding="utf-8")
     refused = CliRunner().invoke(main, ["sweep", str(impacts), "--strikes", "2"])
     assert refused.exit_code == 2 and "goes with a study of falls" in refused.output
+
+
+def test_a_study_of_falls_keeps_the_worst_head_strike_as_an_impact(tmp_path):
+    pytest.importorskip("rclpy")
+    from helmet_sim_ros import open_log
+
+    path, out = tmp_path / "few.yaml", tmp_path / "out"
+    kept = {"worst": 1, "by": "peak_g"}
+    text = {"common": FALL, "product": {"fall.speed": [3.0, 8.0]}, "histories": kept,
+            "criteria": ["strikes", "peak_g"]}  # fmt: skip
+    path.write_text(yaml.safe_dump(text), encoding="utf-8")
+    done = CliRunner().invoke(main, ["sweep", str(path), "--output", str(out), "--workers", "0"])
+    assert done.exit_code == 0, done.output
+    table = sweep(load_study(str(path)), out, workers=0).table.to_pydict()
+    worst = table["peak_g"].index(max(table["peak_g"]))
+    (logged,) = open_log(out / "histories.mcap")
+    fall = fall_from_names(FALL | {"fall.speed": table["fall.speed"][worst]})
+    strike = head_strikes(simulate(fall)).worst
+    assert strike.peak_acceleration / 9.80665 == pytest.approx(table["peak_g"][worst], rel=1e-3)
+    assert same_samples(logged.record, simulate(strike.setup()))
 
 
 def test_measures_of_strikes_are_refused_for_impacts(tmp_path):

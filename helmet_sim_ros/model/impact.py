@@ -126,7 +126,8 @@ class Impact:
         loads = no_loads(parts.model, data.qfrc_applied)
         self._simulation = Simulation(engine, motion, loads, forces, clock)
         widths = (parts.model.nq, parts.model.nv, parts.model.nsensordata, 6, 3, (2, COLUMNS), 3)
-        self._rows = Rows(*(np.zeros((self.total, *np.atleast_1d(w))) for w in widths))
+        rows = 0 if isinstance(setup, Fall) else self.total  # a fall makes room as it goes on
+        self._rows = Rows(*(np.zeros((rows, *np.atleast_1d(w))) for w in widths))
         self._time = np.arange(self.total, dtype=np.float64) * setup.time_step
         self._done = self._computed = 0
         if self._several:

@@ -92,13 +92,13 @@ def solved(matrix: Symmetric, right: Vec) -> Vec:
 
 
 @compiled
-def begin(flight: Flight, motion: Motion, time: float, late: float) -> None:
-    """Remember the present state, at ``time`` [s], whose velocities are those ``late`` [s] ago."""
-    mass, momentum, spin, _ = momenta(flight, motion)
+def begin(flight: Flight, motion: Motion, time: float) -> None:
+    """Remember the present state, at ``time`` [s]."""
+    _, momentum, spin, _ = momenta(flight, motion)
     flight.since[0] = time
     for k in range(3):
         flight.center[k] = motion.origin[k]
-        flight.momentum[k] = momentum[k] + mass * late * flight.gravity[k]
+        flight.momentum[k] = momentum[k]
         flight.spin[k] = spin[k]
 
 

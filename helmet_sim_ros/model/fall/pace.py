@@ -47,13 +47,12 @@ class Limits(NamedTuple):
         quiet_force: on the helmet or in its spring, below which it lies or slides [N];
             ``quiet_speed``: towards what
             it lies on [m/s].
-        quick: speed between head and shell from which on long steps damp it [m/s, rad/s].
     """
 
-    free: float = 3.5e-4
+    free: float = 5e-4
     calm: float = 1e-3
     lying: float = 5e-4
-    body: float = 1e-4
+    body: float = 7e-5
     depth_share: float = 0.04
     speed_change: float = 0.3
     turn_change: float = 4.0
@@ -61,7 +60,6 @@ class Limits(NamedTuple):
     after: float = 3e-3
     quiet_force: float = 1000.0
     quiet_speed: float = 1.0
-    quick: float = 10.0
 
 
 class Pace(NamedTuple):
@@ -74,6 +72,7 @@ class Pace(NamedTuple):
         stiffness: of the joints between head, liner and shell, (nv,) [N/m, N m/rad]: longer steps
             are implicit in it.
         pressed: what the shell's contact adds to it while it touches, (nv,) [N/m].
+        inertia: that moves least against each of all joints, (nv,) [kg, kg m^2].
         damping: of all joints, (nv,) [N s/m, N m s/rad].
         hinges: degrees of freedom of the body's joints, (m,).
         still: kinetic energy below which the rider is at rest [J].
@@ -86,6 +85,7 @@ class Pace(NamedTuple):
     head: NDArray[np.bool_]
     stiffness: FloatArray
     pressed: FloatArray
+    inertia: FloatArray
     damping: FloatArray
     hinges: NDArray[np.int64]
     still: float

@@ -1,15 +1,18 @@
 """A whole fall: long steps where nothing happens, those of an impact where the head strikes.
 
-The scheme is that of :mod:`helmet_sim_ros.model.loop`, for steps that change.
+The scheme is that of :mod:`helmet_sim_ros.model.loop`, for steps that change: velocities are those
+of half a step ago, so that positions are accurate to second order (leapfrog). In flight, and where
+a sample of long steps is written, they are brought to the time of the positions and on from there.
 Longer steps do not resolve the quick motion of the stiff joints between head, liner and shell: they
-add h^2 K to the inertia there, which slows it down, and, where a strike has loaded them, solve
-(M + h D + h^2 K) a = F - h K v, which also damps it.
+add to the inertia there what h^2 K has beyond a share of it, which slows it down, and, where a
+strike has loaded them, solve (M + h D + h^2 K) a = F - h K v, which also damps it.
 """
 
 from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -52,6 +55,7 @@ from helmet_sim_ros.model.loop import (
     slow_forces,
     velocity_,
 )
+from helmet_sim_ros.model.rest import AtRest
 from helmet_sim_ros.model.setup import ImpactSetup
 from helmet_sim_ros.model.surface.carrier import carry
 from helmet_sim_ros.model.surface.compiled import Surface
@@ -66,10 +70,11 @@ PIECE = 1e-4  # s, steps of what moves and gives way around the rider
 RELEASED = 0.05  # s, in which spring and padding let go after a strike; choice
 STILL_SPEED = 0.005  # m/s, of the whole rider (root mean square), below which he is at rest; choice
 STILL = 0.1  # s, for how long he is before the fall ends; choice
-GROUND, TOUCH, FLIGHT = range(3)
 #: Times the first stiffness of padding and spring: what long steps assume, and what more where a
 #: strike has loaded them. Choices: 1.5 and 0 diverged in 3 of 24 falls, 1.5 and 10 in none.
 PADDED, HELD = 1.5, 10.0
+#: Of an inertia, h^2 K that a step follows without adding to it (choice; leapfrog: below 4).
+RESOLVED = 0.5
 
 
 class Progress(NamedTuple):
@@ -174,37 +179,22 @@ def accelerate(simulation: Simulation, pace: Pace, step: float, kick: float, pre
                 continue
             if padded <= k < padded + 6:
                 stiffness *= firm
-            mass[diagonal[k]] += kick * long * stiffness
+            added = kick * long * stiffness
             if pressed:
-                mass[diagonal[k]] += kick * long * pace.pressed[k]
+                mass[diagonal[k]] += added + kick * long * pace.pressed[k]
                 loads.generalised[k] -= long * pace.pressed[k] * motion.qvel[k]
+            else:
+                mass[diagonal[k]] += max(0.0, added - RESOLVED * pace.inertia[k])
     factor_m(engine.model, engine.data)
     acceleration_(engine.model, engine.data)
     return bool(abs(engine.acceleration.sum()) < 1e12)  # false for NaN
 
 
-@compiled
-def move(simulation: Simulation, step: float, kick: float, state: int) -> None:
-    """One step with the present accelerations.
-
-    Velocities are those of half a step ago, so that the positions are accurate to second order
-    whatever the steps (leapfrog). In flight, where the momenta are known, the root's are present.
-
-    Args:
-        step: [s]; ``kick``: half of it and half of the one before [s].
-        state: ``GROUND``, ``TOUCH`` (just after flight), or ``FLIGHT``.
-    """
-    engine, motion = simulation.engine, simulation.motion
-    qpos, qvel, acceleration = motion.qpos, motion.qvel, engine.acceleration
-    half = 0.5 * step
-    for k in range(6):
-        qvel[k] += (kick if state == GROUND else half) * acceleration[k]
-    for k in range(6, len(qvel)):
-        qvel[k] += kick * acceleration[k]
-    integrate_pos(engine.model, qpos.ctypes.data, qvel.ctypes.data, step)
-    if state == FLIGHT:
-        for k in range(6):
-            qvel[k] += half * acceleration[k]
+@inlined
+def push_on(engine: Engine, qvel: FloatArray, time: float) -> None:
+    """Let the present accelerations act on the velocities for a time [s]."""
+    for k in range(len(qvel)):
+        qvel[k] += time * engine.acceleration[k]
 
 
 @inlined
@@ -214,46 +204,27 @@ def length_of(force: FloatArray) -> float:
 
 
 @compiled
-def synchronise(engine: Engine, pace: Pace, kept: FloatArray, late: float) -> None:
-    """Velocities of a row, ``kept``, at the time of its positions: those of a step are ``late`` [s]
-    old. What moves quickly between head and shell is left as it is."""
-    for k in range(len(kept)):
-        if pace.stiffness[k] == 0.0:
-            kept[k] += late * engine.acceleration[k]
-
-
-@compiled
-def energy_of(simulation: Simulation, kept: FloatArray) -> float:
-    """Mechanical energy of a row with the velocities ``kept`` [J]; see :mod:`.model.energy`."""
-    engine, motion, _, forces, _ = simulation
-    swap(motion.qvel, kept)
+def energy_of(simulation: Simulation, late: float) -> float:
+    """Mechanical energy of this instant [J], see :mod:`.model.energy`, where the velocities are
+    those of ``late`` [s] ago."""
+    engine, motion, loads, forces, _ = simulation
+    qvel, kept = motion.qvel, loads.generalised  # the loads have done what they are for
+    for k in range(len(qvel)):
+        kept[k] = qvel[k]
+    push_on(engine, qvel, late)
     make_m(engine.model, engine.data)  # the step has added to it
     _com_vel(engine.model, engine.data)
     energy: float = mechanical_energy(engine, forces, motion)
-    swap(motion.qvel, kept)
-    _com_vel(engine.model, engine.data)
+    for k in range(len(qvel)):
+        qvel[k] = kept[k]
     return energy
 
 
 @inlined
-def swap(a: FloatArray, b: FloatArray) -> None:
-    """The values of two arrays."""
-    for k in range(len(a)):
-        a[k], b[k] = b[k], a[k]
-
-
-@compiled
-def is_held(pace: Pace, qvel: FloatArray, progress: Progress, flying: bool) -> bool:
-    """Whether long steps damp what moves between head and shell: after it is struck, and wherever
-    it moves faster than a long step follows."""
-    if progress.time[0] < progress.fine_until[0] + RELEASED:
-        return True
-    if progress.fine_until[0] > 0.0 and not flying:
-        return True
-    for k in range(len(qvel)):
-        if pace.stiffness[k] > 0.0 and abs(qvel[k]) > pace.limits.quick:
-            return True
-    return False
+def is_held(progress: Progress, flying: bool) -> bool:
+    """Whether long steps damp what moves between head and shell: after it was struck."""
+    struck = progress.fine_until[0] > 0.0
+    return struck and (not flying or progress.time[0] < progress.fine_until[0] + RELEASED)
 
 
 @inlined
@@ -290,13 +261,10 @@ def advance_fall(
         kinematics(model, data)
         com_pos(model, data)
         make_m(model, data)
-        if flying:
-            _com_vel(model, data)
-            correct(flight, motion, time[0])
         velocity_(model, data)
 
         touches = acts(loads.surface[HELMET : HELMET + 1])  # in the last step
-        pressed = touches or is_held(pace, motion.qvel, progress, flying)
+        pressed = touches or is_held(progress, flying)
         step = pace.fine
         if time[0] >= progress.fine_until[0] or steps[0] % LOOKS == 0:
             step = wanted(
@@ -313,12 +281,7 @@ def advance_fall(
         apply_forces(forces, step, motion, loads)
         add_generalised(motion, loads, engine.chains)
         before = progress.before[0]
-        state = FLIGHT
-        if acts(loads.surface):
-            state = TOUCH if flying else GROUND
-            flight.since[0] = -1.0
-        elif not flying:
-            begin(flight, motion, time[0], 0.5 * before)
+        flies = not acts(loads.surface)
         progress.struck[0] = max(
             length_of(loads.surface[HELMET, FORCE : FORCE + 3]), length_of(loads.spring)
         )
@@ -332,11 +295,21 @@ def advance_fall(
             since, kinetic = time[0], engine.energy[1]
             if kinetic > clock.energy + since * (clock.power + since * clock.growth):
                 return -1 - row
-            if fine or state == FLIGHT or not is_still(pace, kinetic, forces.surface):
+            if fine or flies or not is_still(pace, kinetic, forces.surface):
                 progress.moved[0] = since
-        kick = 0.5 * (step + before)
+        late, kick = 0.5 * before, 0.5 * (step + before)
         if not accelerate(simulation, pace, step, kick, pressed):
             return -1 - row
+        if flies or (kept and not fine):
+            push_on(engine, motion.qvel, late)
+            late = 0.0
+            _com_vel(model, data)
+        if flies and flying:
+            correct(flight, motion, time[0])
+        elif flies:
+            begin(flight, motion, time[0])
+        else:
+            flight.since[0] = -1.0
         if kept:
             sample(engine, motion, loads, log.rows, row)
             if has_foam(forces):
@@ -344,12 +317,11 @@ def advance_fall(
             log.time[row] = time[0]
             log.dense[row] = fine
             progress.due[0] = time[0] + pace.thin
-            late = 0.5 * before if state == GROUND and before > pace.fine + TINY else 0.0
-            synchronise(engine, pace, log.rows.qvel[row], late)
             if len(log.energy):
-                log.energy[row] = energy_of(simulation, log.rows.qvel[row])
+                log.energy[row] = energy_of(simulation, late)
             row += 1
-        move(simulation, step, kick, state)
+        push_on(engine, motion.qvel, late + 0.5 * step)
+        integrate_pos(model, motion.qpos.ctypes.data, motion.qvel.ctypes.data, step)
         pieces = max(1, round(step / PIECE))
         for _ in range(pieces):
             carry(forces.surface, step / pieces)
@@ -493,6 +465,7 @@ def pace_of(fall: Falling, thin: float, limits: Limits) -> Pace:
     return Pace(
         setup.time_step / substeps, substeps, thin,
         np.isin(fall.contact.body, [layout.helmet, layout.head]),
-        stiffness, pressed, model.dof_damping.copy(), np.r_[forces.stops.qvel, balls],
+        stiffness, pressed, AtRest(model, mujoco.MjData(model)).joint_inertia(),
+        model.dof_damping.copy(), np.r_[forces.stops.qvel, balls],
         0.5 * float(model.body_mass.sum()) * STILL_SPEED**2, limits,
     )  # fmt: skip
