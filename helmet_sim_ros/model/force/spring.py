@@ -23,7 +23,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import brentq
 
 from helmet_sim_ros.biomech.record import FloatArray
 from helmet_sim_ros.model.compiled import compiled
@@ -53,13 +52,12 @@ STRIPS = 8  # of the patch, from the trailing to the leading edge
 
 def strips_of_disc(count: int) -> tuple[FloatArray, FloatArray]:
     """Strips of equal area across a disc of radius 1: centroids, and means of x^2, (count,)."""
-
-    def area(x: float) -> float:
-        return (x * math.sqrt(1.0 - x * x) + math.asin(x)) / math.pi + 0.5
-
-    edges = [-1.0, *(brentq(lambda x, k=k: area(x) - k / count, -1.0, 1.0)
-                     for k in range(1, count)), 1.0]  # fmt: skip
-    x = np.array(edges)
+    shares, low, high = np.linspace(0.0, 1.0, count + 1), -np.ones(count + 1), np.ones(count + 1)
+    for _ in range(60):  # bisection: a worker loads nothing of SciPy that has a better one
+        x = 0.5 * (low + high)
+        below = (x * np.sqrt(1.0 - x * x) + np.arcsin(x)) / math.pi + 0.5 < shares
+        low, high = np.where(below, x, low), np.where(below, high, x)
+    x = 0.5 * (low + high)
     first = -2.0 / 3.0 * (1.0 - x * x) ** 1.5
     second = 0.25 * (np.arcsin(x) - x * np.sqrt(1.0 - x * x) * (1.0 - 2.0 * x * x))
     return np.diff(first) * count / math.pi, np.diff(second) * count / math.pi
