@@ -184,6 +184,20 @@ def test_across_the_pressure_the_spring_is_as_soft_as_foam_in_shear() -> None:
         assert 0.8 * force[1] == pytest.approx(0.6 * force[2])
 
 
+def test_compressions_of_a_history_are_those_that_the_spring_counts() -> None:
+    rng = np.random.default_rng(3)
+    shells, pressed = rng.normal(0.0, 0.01, (6, 3)), rng.normal(0.0, 1e3, (6, 3))
+    pressed[[0, 3]] = 0.0  # not yet, and no longer
+    for bears in ("patch", "point"):
+        config = spring().replaced({"bears": bears})
+        virgin, expected = law.coupling_spring(config), []
+        for shell, force in zip(shells, pressed, strict=True):
+            if force.any():
+                virgin.normal[:] = force / np.linalg.norm(force)
+            expected.append(np.linalg.norm(law.counting(virgin, shell)))
+        assert law.compressions(config, shells, pressed) == pytest.approx(expected, rel=1e-12)
+
+
 def test_what_comes_down_faster_than_roll_raises_it_bears_as_if_it_did_not_roll() -> None:
     virgin, force = law.coupling_spring(spring()), np.zeros(3)
     for d in np.linspace(2e-4, 0.02, 100):  # 0.2 mm each

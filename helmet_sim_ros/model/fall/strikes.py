@@ -24,6 +24,8 @@ from helmet_sim_ros.model.fall.setup import Fall, fall_from_names, setup_or_fall
 from helmet_sim_ros.model.fall.suffered import suffered
 from helmet_sim_ros.model.force.columns import first_touch
 from helmet_sim_ros.model.force.neck import CervicalSpine, elastic_length
+from helmet_sim_ros.model.force.spring import compressions
+from helmet_sim_ros.model.helmet import Spring
 from helmet_sim_ros.model.placement import SITES, place_head
 from helmet_sim_ros.model.setup import ImpactSetup, setup_from_names
 from helmet_sim_ros.model.state import State, read_state
@@ -309,7 +311,8 @@ def _state(
     so_far = 0.0
     if SHELL in record.extras:
         shells = np.array(record.extras[SHELL])[near]
-        so_far = float(np.linalg.norm(record.extras[SHELL][: i + 1], axis=1).max())
+        counted = _compressions(record, i, setup.helmet_config.spring)
+        so_far = float(np.linalg.norm(record.extras[SHELL][i]) + counted.max() - counted[-1])
     shifts = np.einsum("nij,nj->ni", back, away)
     head = Rotation.from_quat(record.head_orientation[near])
     turns = (head.inv() * Rotation.from_quat(record.helmet_orientation[near])).as_rotvec()
@@ -324,6 +327,15 @@ def _state(
         (shells[-1] - shells[0]) / span, np.array([so_far]), np.array([yielded]),
         record.joint_positions[i], record.joint_velocities[i], rests, factors,
     )  # fmt: skip
+
+
+def _compressions(record: ImpactRecord, i: int, spring: Spring) -> FloatArray:
+    """Of the coupling spring in the samples up to i, (i + 1,) [m]."""
+    until = slice(0, i + 1)
+    pressed = record.ground_force[until] - record.ground_friction[until]
+    back = matrices(record.helmet_orientation[until]).transpose(0, 2, 1)
+    shells = np.array(record.extras[SHELL])[until]
+    return compressions(spring, shells, np.einsum("nij,nj->ni", back, pressed))
 
 
 def _zone(azimuth: float, elevation: float) -> str:

@@ -104,6 +104,30 @@ def law_table(spring: Spring) -> FloatArray:
     return np.array([[getattr(spring, side).A, getattr(spring, side).B] for side in SIDES])
 
 
+def shear_of(spring: Spring) -> float:
+    """How much of a displacement across the pressure counts [-]."""
+    return 1.0 if spring.bears == "point" else SHEAR
+
+
+def compressions(spring: Spring, displacement: FloatArray, pressed: FloatArray) -> FloatArray:
+    """What a spring counts as its compression, (n,) [m].
+
+    Args:
+        displacement: helmet against head, helmet frame, (n, 3) [m].
+        pressed: force of the surface across it, helmet frame, (n, 3); its last direction counts
+            where there is none.
+    """
+    size = np.linalg.norm(pressed, axis=1)
+    last = np.maximum.accumulate(np.where(size > 0.0, np.arange(len(size)), -1))
+    known = last >= 0
+    normal = np.where(known[:, None], pressed[last], 0.0)
+    normal /= np.where(known, size[last], 1.0)[:, None]
+    whole, along = (displacement**2).sum(axis=1), (normal * displacement).sum(axis=1) ** 2
+    shear = np.where(known, shear_of(spring) ** 2, 1.0)
+    counted: FloatArray = np.sqrt(along + shear * (whole - along))
+    return counted
+
+
 def coupling_spring(
     spring: Spring,
     semi_axes: Vec = (0.0, 0.0, 0.0),
@@ -112,11 +136,11 @@ def coupling_spring(
     helmet: int = 0,
 ) -> CouplingSpring:
     """The virgin spring of a configuration; ``semi_axes``: of the shell it belongs to [m]."""
-    shear = SHEAR
     if spring.bears == "point":
-        semi_axes, shear = (0.0, 0.0, 0.0), 1.0
+        semi_axes = (0.0, 0.0, 0.0)
     return CouplingSpring(
-        slide, slide_velocity, helmet, law_table(spring), spring.energy_loss, semi_axes, shear,
+        slide, slide_velocity, helmet, law_table(spring), spring.energy_loss, semi_axes,
+        shear_of(spring),
         np.zeros(2), np.zeros(STRIPS), np.zeros(3), np.zeros(3),
     )  # fmt: skip
 
@@ -304,8 +328,12 @@ def apply(spring: CouplingSpring, step: float, motion: Motion, loads: Loads) -> 
     if size > 0.0 and spring.semi_axes[0] > 0.0:
         helmet = rigid(motion, spring.helmet)
         normal = scaled(pressed, 1.0 / size)
+        before = norm(counting(spring, displacement))
         spring.normal[0], spring.normal[1], spring.normal[2] = turned_back(helmet.rotation, normal)
-        radius = patch_radius(spring, norm(counting(spring, displacement)))
+        compression = norm(counting(spring, displacement))
+        for k in range(2):  # where the pressure turns, nothing is crushed and nothing let go
+            spring.past[k] = max(0.0, spring.past[k] + compression - before)
+        radius = patch_radius(spring, compression)
         along = cross(helmet.spin, normal)
         rate = norm(along)
         if dot(along, (spring.along[0], spring.along[1], spring.along[2])) < 0.0:  # rolls back
