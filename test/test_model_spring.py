@@ -172,6 +172,12 @@ def test_a_held_shell_that_rolls_far_is_borne_by_what_leads_and_the_middle() -> 
     assert 0.3 < forward[-1] < 4.0 / (3.0 * np.pi)
 
 
+def test_roll_the_other_way_is_the_mirror() -> None:
+    ahead, back = held(0.02, np.full(50, 1e-4)), held(0.02, np.full(50, -1e-4))
+    assert back[0] == pytest.approx(ahead[0]) and back[1] == pytest.approx(-ahead[1])
+    assert np.abs(back[1]).min() > 0.0
+
+
 def test_across_the_pressure_the_spring_is_as_soft_as_foam_in_shear() -> None:
     """Secant modulus over 2 (1 + nu), with nu = 0.1; one that bears at a point is isotropic."""
     for bears, softer in (("patch", 2.2), ("point", 1.0)):

@@ -47,6 +47,8 @@ SCALE, EXPONENT = 0, 1
 #: A displacement across the pressure counts by this: a layer of foam is as stiff in shear as its
 #: secant modulus over 2 (1 + nu) says, see :mod:`helmet_sim_ros.model.force.liner`.
 SHEAR = (2.0 * (1.0 + POISSON)) ** -0.5
+#: Strips that bear less unevenly than this lie across whatever roll there is; else they stay.
+EVEN = 0.01
 STRIPS = 8  # of the patch, from the trailing to the leading edge
 
 
@@ -82,7 +84,9 @@ class CouplingSpring(NamedTuple):
         past: largest compression so far, and the last one, (2,) [m]; state.
         behind: how far each strip of the patch is below its own largest compression, (strips,)
             [m]; state.
-        along: direction of the last roll, world axes, (3,); state.
+        along: direction of the roll across which the strips lie, world axes, all 0: none yet, (3,);
+            state.
+        forward: how far before the middle of the patch it bears, over its radius, (1,); state.
         normal: of what pressed the shell last, helmet frame, all 0: nothing yet, (3,); state.
     """
 
@@ -96,6 +100,7 @@ class CouplingSpring(NamedTuple):
     past: FloatArray
     behind: FloatArray
     along: FloatArray
+    forward: FloatArray
     normal: FloatArray
 
 
@@ -141,7 +146,7 @@ def coupling_spring(
     return CouplingSpring(
         slide, slide_velocity, helmet, law_table(spring), spring.energy_loss, semi_axes,
         shear_of(spring),
-        np.zeros(2), np.zeros(STRIPS), np.zeros(3), np.zeros(3),
+        np.zeros(2), np.zeros(STRIPS), np.zeros(3), np.zeros(1), np.zeros(3),
     )  # fmt: skip
 
 
@@ -324,7 +329,7 @@ def apply(spring: CouplingSpring, step: float, motion: Motion, loads: Loads) -> 
     struck = loads.surface[HELMET]
     whole = row3(struck, FORCE)
     pressed = sub(whole, row3(struck, FRICTION))
-    size, radius, rate, along = norm(pressed), 0.0, 0.0, (0.0, 0.0, 0.0)
+    size, radius, rolled, along = norm(pressed), 0.0, 0.0, row3(spring.along, 0)
     if size > 0.0 and spring.semi_axes[0] > 0.0:
         helmet = rigid(motion, spring.helmet)
         normal = scaled(pressed, 1.0 / size)
@@ -334,16 +339,15 @@ def apply(spring: CouplingSpring, step: float, motion: Motion, loads: Loads) -> 
         for k in range(2):  # where the pressure turns, nothing is crushed and nothing let go
             spring.past[k] = max(0.0, spring.past[k] + compression - before)
         radius = patch_radius(spring, compression)
-        along = cross(helmet.spin, normal)
-        rate = norm(along)
-        if dot(along, (spring.along[0], spring.along[1], spring.along[2])) < 0.0:  # rolls back
-            behind = spring.behind
-            for i in range(STRIPS // 2):
-                behind[i], behind[STRIPS - 1 - i] = behind[STRIPS - 1 - i], behind[i]
+        roll = cross(helmet.spin, normal)
+        rate = norm(roll)
+        if abs(spring.forward[0]) < EVEN and rate > 0.0:
+            along = scaled(roll, 1.0 / rate)
         spring.along[0], spring.along[1], spring.along[2] = along
-    forward = spring_force(spring, displacement, radius * rate * step, loads.spring)
-    if forward != 0.0 and rate > 0.0:
-        couple = cross(scaled(along, radius * forward / rate), whole)
+        rolled = radius * dot(roll, along) * step
+    forward = spring.forward[0] = spring_force(spring, displacement, rolled, loads.spring)
+    if forward != 0.0 and radius > 0.0:
+        couple = cross(scaled(along, radius * forward), whole)
         load(loads, spring.helmet, (0.0, 0.0, 0.0), couple)
         count_surface(loads, HELMET, (0.0, 0.0, 0.0), couple, (0.0, 0.0, 0.0))
     for k in range(3):
