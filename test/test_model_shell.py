@@ -7,8 +7,8 @@ import pytest
 
 from helmet_sim_ros import ImpactSetup, evaluate, simulate
 from helmet_sim_ros.biomech.record import ImpactRecord
+from helmet_sim_ros.model.force.laying import RESTS, lay
 from helmet_sim_ros.model.force.plate import COLUMNS, FIRST_COLUMN, FIRST_ROW, ROWS, Plate
-from helmet_sim_ros.model.force.shell import RESTS, lay
 from helmet_sim_ros.model.helmet import load_helmet
 from helmet_sim_ros.model.impact import Impact
 

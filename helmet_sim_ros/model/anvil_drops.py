@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from helmet_sim_ros.biomech.record import FloatArray
-from helmet_sim_ros.model.force import liner, shell
+from helmet_sim_ros.model.force import laying, liner, shell
 from helmet_sim_ros.model.force.bodies import FORCE, HELMET, Loads, Motion, clear
 from helmet_sim_ros.model.force.columns import columns, first_touch
 from helmet_sim_ros.model.force.foam import bottoming_strain
@@ -110,7 +110,7 @@ def _drop(
     foam = helmet.model_copy(update={"coupling": "foam"})
     struck, table = surface.compiled(), columns(foam)
     crushing = liner.crushing_liner(table, foam, 0, len(struck.kind), np.zeros(len(table.area)))
-    outside = shell.shell(foam, crushing)
+    outside = laying.shell(foam, crushing)
     bends = shell.spreads(outside, struck)
     target, frame = surface.frame
     normal = frame[:, 2]

@@ -33,9 +33,9 @@ from helmet_sim_ros.model.force.bodies import (
 )
 from helmet_sim_ros.model.force.fit import Fit, fit
 from helmet_sim_ros.model.force.foam import residual_strains
+from helmet_sim_ros.model.force.laying import shell as shell_of
 from helmet_sim_ros.model.force.liner import crushing_liner
 from helmet_sim_ros.model.force.self_contact import started
-from helmet_sim_ros.model.force.shell import shell as shell_of
 from helmet_sim_ros.model.force.spring import CouplingSpring, coupling_spring
 from helmet_sim_ros.model.helmet import Helmet
 from helmet_sim_ros.model.layout import Layout

@@ -26,6 +26,7 @@ from helmet_sim_ros.model.compiled import compiled, inlined
 from helmet_sim_ros.model.force import (
     contact,
     fit,
+    laying,
     liner,
     neck,
     self_contact,
@@ -126,7 +127,7 @@ class Forces(NamedTuple):
     landing: contact.Contact
     outside: contact.Contact
     liner: liner.CrushingLiner
-    shell: shell.Shell
+    shell: laying.Shell
     fit: fit.Fit
     own: self_contact.SelfContact
 
